@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.calibration.findings import Finding, Kind, Severity
@@ -144,3 +145,14 @@ def test_a_new_zero_at_the_end_is_no_accident_of_every_orientation(model: str) -
     calibration = cw.calibrate(cw.Samples(wrench, R), model)
     off = np.abs(calibration.bias - rig.bias - [2.0, 0.0, 1.0, 0.0, 0.0, 0.05])
     assert calibration.verdict != "good" or (off < 5.0 * calibration.std["bias"]).all()
+
+
+def test_a_heavy_tool_turned_by_less_than_counts_reads_otherwise_and_is_not_called_apart() -> None:
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        rig, R = replace(random_rig(rng), weight=100.0), random_rotations(20, rng)
+        nearly = R[[3, 7]] @ Rotation.from_rotvec([0.17, 0.0, 0.0], degrees=True).as_matrix()
+        every = np.concatenate([R, nearly])
+        wrench = noisy_readings(rig, every, np.array([0.01] * 3 + [0.0005] * 3), rng)
+        findings = cw.calibrate(cw.Samples(wrench, every)).findings
+        assert not [finding for finding in findings if finding.kind is Kind.ROWS_APART]

@@ -31,8 +31,10 @@ NOT_GIVEN: Any = None
 """Of a column: left out, or filled in."""
 NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
 """Of the column `contact`."""
-LONG, STEADY, MARGIN, MOST_OF_TIME = 10.0, 0.05, 1.2, 0.75
-"""s, part of the force and of its variance, by which no hand keeps so even for so long; and of the time."""
+LONG, STEADY, MARGIN = 10.0, 0.05, 1.2
+"""s for which no hand keeps as even: within this share of the force, and so many times the variance."""
+MOST_OF_TIME = 0.75
+"""Share of the samples in contact, from which on it is in doubt, however it goes."""
 BLANK: dict[str, Callable[[int], Any]] = {
     "valid": lambda n: np.ones(n, np.bool_),
     "reason": lambda n: (None,) * n,
@@ -126,7 +128,7 @@ class InDoubt:
 
     def __init__(self, calibration: Calibration) -> None:
         self.calibration, self.rows, self.touching = calibration, 0, 0
-        self.start, self.lasts = np.nan, np.empty((0, 8))
+        self.start, self.last, self.lasts = np.nan, np.nan, np.empty((0, 8))
 
     def add(self, samples: Samples, batch: ContactWrenches) -> None:
         """The next n > 0 samples, which have times; ten a second of a contact that lasts are kept."""
@@ -138,7 +140,8 @@ class InDoubt:
         read = self.calibration.predict(samples.R_base_flange)[:, :3]
         variance = np.sum(batch.std[:, :3] ** 2, axis=1)
         known = (t - self.start, read - self.calibration.bias[:3], samples.wrench[:, :3] - read, variance)
-        kept = touching & np.isfinite(variance) & (np.diff(np.floor(10.0 * t), prepend=np.nan) != 0.0)
+        kept = touching & np.isfinite(variance) & (np.diff(np.floor(10.0 * t), prepend=self.last) != 0.0)
+        self.last = np.floor(10.0 * t[-1])
         self.lasts = np.vstack([self.lasts, np.column_stack(known)[kept]])
 
     def __str__(self) -> str:

@@ -199,18 +199,17 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
     stream = is_stream(samples)
     free = with_delay_of_rows(free) if stream else free
-    recorded, known = recorded_poses(free, MOST_VISITS, stream), None
+    recorded = recorded_poses(free, MOST_VISITS, stream)
     dead = dead_channels(free, question.gravity_direction)
     ordered, few = stream or len(recorded.visits or ()) > REVISITED * len(recorded.poses), few_repeats(recorded)
-    first = averaged(free, np.arange(len(free))) if few else recorded.visits
-    for each in (first, None) if first else (None,):
-        recorded = recorded if each else agreed(free, recorded, known)
-        poses = in_time(each or recorded.poses)
-        readings = readings_of(poses, ordered and not recorded.apart)
-        estimate = fitted(readings, question)
-        if recorded.visits and estimate.bias_moved:
-            break
-        known = (estimate.noise, float(estimate.dof.min())) if few else None
+    singly = averaged(free, np.arange(len(free))) if few else recorded.visits
+    recorded = recorded if singly else agreed(free, recorded)
+    poses = in_time(singly or recorded.poses)
+    estimate = fitted(readings := readings_of(poses, ordered and not recorded.apart), question)
+    if singly and not (recorded.visits and estimate.bias_moved):  # what is at one orientation is one pose
+        recorded = agreed(free, recorded, (estimate.noise, float(estimate.dof.min())) if few else None)
+        poses = in_time(recorded.poses)
+        estimate = fitted(readings := readings_of(poses, ordered and not recorded.apart), question)
     findings += (*of_recording(recorded, _first_time(free)), *rows_apart(recorded, free.wrench), *dead)
     return Recorded(free, poses, readings, estimate, findings, g, recorded)
 

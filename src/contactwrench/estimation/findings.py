@@ -276,8 +276,8 @@ def _gain_of_axis(fit: RigidEstimate, readings: PoseReadings) -> Row:
     axis = int(np.argmin(np.where(np.abs(share) > DAMAGED, chances, 1.0)))
     shows = n >= FEWEST_POSES_FOR_MATRIX and abs(share[axis]) > DAMAGED and chances[axis] <= SIGNIFICANCE_OF_GAIN
     text = (
-        f"{AXES[axis]} reads {1.0 + share[axis]:.2f} +- {std[axis]:.1g} of the load that the other axes tell (chance "
-        "under 1 %), and beyond these orientations the error grows: a dead or damaged channel, a wrong gain, or "
+        f"{AXES[axis]} reads {1.0 + share[axis]:.2f} of the load that the other axes tell (chance under 1 %), "
+        "and beyond these orientations the error grows: a dead or damaged channel, a wrong gain, or "
         "something that holds the tool: check that axis"
     )
     return bool(shows), DOUBTFUL, Kind.CROSS_TALK, text

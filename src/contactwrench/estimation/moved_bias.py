@@ -16,10 +16,14 @@ from ..statistics import SIGNIFICANCE, MisfitTest, force_and_torque, percent, pr
 from .outliers import MOST_SHARE
 
 NEW_ZERO = "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"
-OF_PART, FEWEST_IF_MOVED, MOST_OFF = 2, 6, 12
-"""Poses on each side of a change of the bias, as one may be in contact; where it may have moved before; and off."""
-LEAST_LEFT, NOTHING = 6, 1e200
-"""Readings that another tool, mounting and matrix leave, or these explain any; variance of what tells nothing."""
+OF_PART = 2
+"""Poses at least before and after a change of the bias: a single one may be in contact."""
+FEWEST_IF_MOVED, MOST_OFF = 6, 12
+"""Poses, from which on a bias that moved before is thought of, too; and how many at most are off, and named."""
+LEAST_LEFT = 6
+"""Readings more than another tool, mounting and bias have numbers: with fewer these explain anything."""
+TELLS_NOTHING = 1e200
+"""Variance of a pose that is left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +120,7 @@ def apart(
     change = residuals[first:].mean(axis=0) - residuals[:first].mean(axis=0)
     ways = (far[:1], [], *(far[:k] for k in range(2, min(len(far), MOST_OFF) + 1)))
     for moved, out in product((False, True) if n >= FEWEST_IF_MOVED else (False,), ways):
-        told = np.where(np.isin(np.arange(n), out)[:, None], NOTHING, variance)
+        told = np.where(np.isin(np.arange(n), out)[:, None], TELLS_NOTHING, variance)
         later = (np.arange(n) >= (n if out else first))[:, None]
         whole, bias = held_against(calibration, residuals - later * change, R_base_flange, told, dof)
         left, bias_too = 6 * (n - max(len(out), 1)), ""

@@ -67,8 +67,8 @@ def estimated(
     if question.noise is None and float(relative.max()) > EVEN * float(relative.min()):
         members = tables[0].members
         found = np.exp(members.log_evidence - tables[0].log_evidence) @ members.variance
-        of_stops = float(np.mean(readings.least_variance / found))
-        problem = replace(problem, relative=1.0 + min(of_stops, 1.0) * (relative - 1.0))
+        of_stops = min(float(np.mean(readings.least_variance / found)), 1.0)
+        problem = replace(problem, relative=1.0 - of_stops + of_stops * relative)
         problems = [replace(problem, kernels=table.kernels) for table in tables]
         first = settled(problems[0], tables[0].tool, tables[0].kept, tables[0].hypotheses)
         others = zip(problems[1:], tables[1:], strict=True)

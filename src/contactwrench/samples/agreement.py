@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
-from .poses import averaged, rows_of
+from .poses import SAME_POSE_ANGLE, averaged, rows_of
 from .recorded_poses import RecordedPoses, told_by_times
 from .samples import Samples
 
@@ -27,12 +27,12 @@ BY_CHANCE, OF_MEDIAN = 1e-4, 0.37
 NOISIER, FEWEST, LOOKED_AT = 3.0, 5, 200
 """Times the usual scatter, that an orientation may have at most, if it has so many rows; of these are looked at."""
 LEAST, HARMLESS = 9.0, 20.0
-"""Times the scatter that rows may be off by: more than one orientation that vibrates makes them, and up to which the
-root of their number counts, as a row that is off by less hardly moves their mean.
+"""Times the scatter that rows may be off by: an orientation that vibrates stays within the first; n rows may be off by
+the root of n, up to the second, as one that is off by less hardly moves their mean.
 """
 MOST_READINGS, LEAST_SHARE = 4, 0.25
-"""That are told apart at one orientation; and of the rows of a visit, of which fewer are outvoted, or of all that come
-back one at a time.
+"""That are told apart at one orientation; rows that are fewer than this share of their visit are outvoted, or of the
+orientation, where each of its visits is a single row.
 """
 
 
@@ -53,10 +53,11 @@ def agreed(samples: Samples, recorded: RecordedPoses, known: tuple[Array, float]
         (rows, samples.wrench[rows]) for rows, n in zip(rows_of(label), np.bincount(label), strict=True) if n > 1
     ]
     std, times = _scatter([readings for _, readings in together], known)
+    turned = 0.5 * SAME_POSE_ANGLE * np.ptp(samples.wrench, axis=0)  # N and N m, at what counts as one orientation
     row, finer, apart = np.arange(len(label)), label.copy(), []
     visit = np.cumsum(np.r_[0, label[1:] != label[:-1]])
     for rows, readings in together:
-        part = _parts(readings, std, times)
+        part = _parts(readings, std, times, turned)
         if (main := int(np.bincount(part).argmax())) == MOST_READINGS:  # it is noise that parts them
             continue
         for other in sorted({*part.tolist()} - {main}):
@@ -93,8 +94,10 @@ def _scatter(readings: list[Array], known: tuple[Array, float] | None) -> tuple[
     return np.maximum(std, alike), by_chance if known else max(by_chance, LEAST)
 
 
-def _parts(readings: Array, std: Array, times: float) -> NDArray[np.intp]:
-    """Which of readings (n, 6) agree with each other: 0, 1, ..., and `MOST_READINGS` of the rest."""
+def _parts(readings: Array, std: Array, times: float, turned: Array) -> NDArray[np.intp]:
+    """Which of readings (n, 6) agree with each other: 0, 1, ..., and `MOST_READINGS` of the rest; `turned` (6,) by how
+    much the tool reads otherwise where it is turned as little as counts for one orientation.
+    """
     n, part = len(readings), np.zeros(len(readings), dtype=np.intp)
     limit, stride = std * max(times, min(np.sqrt(n), HARMLESS)), n // LOOKED_AT + 1
     if (np.ptp(readings, axis=0) <= limit).all():
@@ -104,6 +107,7 @@ def _parts(readings: Array, std: Array, times: float) -> NDArray[np.intp]:
         own = 1.483 * np.median(np.abs(look - np.median(look, axis=0)), axis=0)
         limit = limit * np.clip(own / np.maximum(std, 1e-300), 1.0, NOISIER)
     limit = limit * np.sqrt(0.5 if n == 2 else 1.0 + 1.57 / n)  # a median is off itself; of two by half their distance
+    limit = limit + turned
     part[:] = MOST_READINGS
     for k in range(MOST_READINGS):
         if not len(left := np.flatnonzero(part == MOST_READINGS)):
