@@ -37,9 +37,7 @@ OF_TOOL = slice(0, 10)
 """Of the parameters: weight, com, bias."""
 
 FOUND_AT_POSES, DIFFER_ANEW = (Kind.TWO_LEVELS, Kind.CREEP), (Kind.CABLE, Kind.ROBOT)
-"""Errors that another orientation has, too, but not the same: with the mean square that is found at the poses, or with
-the variance that their strength says.
-"""
+"""Errors that another orientation has anew: by what is found at the poses, or by the strength."""
 
 NOT_LEFT = (*BIAS_MOVED, Kind.CREEP)
 """What is found of these is known of each pose, and is no part of what is left there."""
