@@ -29,8 +29,8 @@ SAID = {
     "sensor that creeps; rest for longer",
     Kind.CABLE: "a pull that goes with the orientation shows, as of a cable (probability 80 %): it is counted in every "
     "std; fasten or free the cable",
-    Kind.ROBOT: "errors of the robot's orientation show (probability 80 %): they are counted in every std; a "
-    "calibrated robot, or more poses, would mend it",
+    Kind.ROBOT: "the robot's orientations are off by about 0.12 deg an axis (probability 80 %): it is counted in every "
+    "std, and in what a new orientation reads; a calibrated robot would mend it",
     Kind.TWO_LEVELS: "the bias comes back in two levels, 0.3 N and 40 mN m apart, as backlash makes them (probability "
     "80 %): it is counted in every std; on the smaller side: pose 2, pose 5",
 }
@@ -51,7 +51,7 @@ def said(probability: float, kind: Kind, low: tuple[int, ...] = (1, 4), timed: b
         poses = tuple(replace(pose, t_start=10.0 * k, t_end=10.0 * k + 1.0) for k, pose in enumerate(poses))
     levels = np.outer(np.where(np.isin(np.arange(12), low), 1.0, -1.0), [0.15, 0.0, 0.0, 0.0, 0.02, 0.0])
     assert isinstance(estimate.beliefs, Beliefs)
-    beliefs = replace(estimate.beliefs, with_orientation={kind: probability}, levels=levels)
+    beliefs = replace(estimate.beliefs, with_orientation={kind: probability}, levels=levels, turn=0.0021)
     return of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0)
 
 

@@ -13,7 +13,8 @@ from contactwrench.estimation.moments import moments_of, precision_diagonal, pre
 from contactwrench.estimation.noise import ALIKE, APART, NoiseModel, StatedNoise
 from contactwrench.estimation.posterior import deleted_errors
 from contactwrench.estimation.priors import PriorRows, Question
-from contactwrench.estimation.tables import Problem, Table, settled
+from contactwrench.estimation.problem import Problem
+from contactwrench.estimation.tables import Table, settled
 from contactwrench.model import PARAMETERS, RigidTool
 from tests.support.rigs import NOISE, example
 from tests.support.world import Array, Rig, derivatives, noisy_readings
@@ -78,7 +79,7 @@ def _solved(rig: Rig, R: Array, wrench: Array, kernels: Kernels) -> Members:
     nothing_known = PriorRows(np.zeros(0), np.zeros((0, p)))
     nothing = Priors(nothing_known, np.zeros((1, 0)), np.zeros((1, p, p)), np.zeros(1), np.ones(1))
     pairs = np.arange(len(kernels.drift)), np.zeros(len(kernels.drift), dtype=int)
-    return solved(gram(tool, NAMES, moments.S), moments, kernels.log_prior, nothing, pairs, _noise())
+    return solved(gram(tool, NAMES, moments.S), moments, kernels, nothing, pairs, _noise())
 
 
 def _noise() -> NoiseModel:
@@ -98,7 +99,7 @@ def test_the_members_of_a_stack_are_what_each_is_alone(seed: int) -> None:
     apart = Priors(PriorRows(np.zeros(0), np.zeros((0, p))), np.zeros((2, 0)), np.zeros((2, p, p)), np.zeros(2),
                    np.array([APART, ALIKE]))  # fmt: skip
     k, h = np.indices((len(kernels.drift), 2)).reshape(2, -1)
-    given = gram(tool, NAMES, moments.S), moments, kernels.log_prior, apart
+    given = gram(tool, NAMES, moments.S), moments, kernels, apart
     stack = solved(*given, (k, h), noise)
     alone = [solved(*given, (k[i : i + 1], h[i : i + 1]), noise) for i in range(len(k))]
     assert np.abs(stack.log_evidence - [one.log_evidence[0] for one in alone]).max() < 0.05

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..statistics import two_digits
+from .outliers import LEVEL_SHARE
 
 STRENGTHS = np.geomspace(1.0, 1000.0, 7)
 """Standard deviation of the change over the whole recording, in units of a pose's noise: from what does not show to
 what nobody would use."""
+APART = float(np.log(STRENGTHS[1] / STRENGTHS[0]))
 FEW_COLUMNS, MOST_OF_MANY = 3, 50.0
 """What has more columns can take up all that is left of few readings: strengths beyond are one model with ever less
 noise, and would count several times.
@@ -45,6 +47,15 @@ SMOOTH = 32
 """Columns of a walk: what is left out has a thousandth of its variance."""
 
 FEWEST_POSES = 3
+
+SHARE_OF_WEIGHT: dict[Kind | None, float] = {
+    Kind.GAIN: 0.01,
+    Kind.CREEP: 0.01,
+    Kind.CABLE: 0.05,
+    Kind.TWO_LEVELS: LEVEL_SHARE,
+}
+"""Scale of the error, of a half-normal prior: sensors have gains and cross-talk of a percent or two, cables and
+backlash move a reading by some percent of the weight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +88,18 @@ class Kernels:
     def select(self, kept: NDArray[np.intp]) -> Kernels:
         """The kernels of an index."""
         return Kernels(self.drifts, self.drift[kept], self.strength[kept], self.log_prior[kept])
+
+    def log_plausible(
+        self, kernel: NDArray[np.intp], strength: Array, noise: Array | float, weight: Array | float
+    ) -> Array:
+        """Logarithm of the prior (m,) of how large an error is as a share of the `weight` N, over that of its
+        strengths; `strength` (m,) of the drift of a `kernel`, in units of the `noise` N.
+        """
+        of_drifts = np.array([SHARE_OF_WEIGHT.get(drift.kind, np.nan) for drift in self.drifts])
+        share = strength * noise / (np.maximum(np.abs(weight), 1e-12) * of_drifts[self.drift[kernel]])
+        even = 1.0 / (APART * np.array([len(drift.strengths) for drift in self.drifts]))  # density of the logarithm
+        plausible = np.log(np.sqrt(2.0 / np.pi) * share / even[self.drift[kernel]]) - 0.5 * share**2
+        return np.where(np.isnan(share), 0.0, plausible)
 
     def of_poses(self, kept: NDArray[np.bool_]) -> Kernels:
         """The same for some of the poses (n,)."""

@@ -44,6 +44,11 @@ class Estimate:
         return self.errors[self.kept]
 
     @property
+    def beyond_robot(self) -> Array:
+        """The same less what errors of the robot's orientation are known to make of it."""
+        return self.residuals
+
+    @property
     def change(self) -> Array:
         """What each pose's bias was off the last one (n, 6), where it is believed to have moved; else zero."""
         return np.zeros_like(self.errors)
@@ -82,7 +87,8 @@ EXCLUDED = 1.0 / 500.0
 class Beliefs:
     """Probabilities once the readings are known: that each pose is `outlying` (n,); of each kind of the bias' motion,
     `moved`, of which `drift` is the likeliest, by `change` (n, 6) N and N m from the last bias; of each kind of
-    error that goes `with_orientation`, a bias in two `levels` (n, 6) among them, by which it is off their middle; that
+    error that goes `with_orientation`, a bias in two `levels` (n, 6) among them, by which it is off their middle, and
+    the robot's turns of about `turn` rad an axis; that
     mounting and base are exactly nominal, `mounting_exact` and `base_exact`, or point anywhere, `any_mounting` and
     `any_base`. By how many std the answer would be off, were the less likely of exactly nominal or not so,
     `off_by_mounting` and `off_by_base`; 0 where that one is excluded.
@@ -94,6 +100,7 @@ class Beliefs:
     change: Array
     with_orientation: dict[Kind, float]
     levels: Array
+    turn: float
     mounting_exact: float
     base_exact: float
     off_by_mounting: float
@@ -105,12 +112,14 @@ class Beliefs:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RigidEstimate(Estimate):
     """An estimate of a rigid tool; the paper's has its two weights, N, the others what is believed of the rest, and the
-    covariance (24, 24) that gain and cross-talk add to that of B.
+    covariance (24, 24) that gain and cross-talk add to that of B; what the robot's errors in orientation are known to
+    make of all readings, `of_robot` (n, 6).
     """
 
     tool: RigidTool
     beliefs: Beliefs | None = None
     gain_covariance: Array | None = None
+    of_robot: Array | None = None
     weight_xy: float | None = None
     weight_z: float | None = None
 
@@ -118,6 +127,11 @@ class RigidEstimate(Estimate):
     def bias_moved(self) -> bool:
         """Whether the bias is likelier than not to have moved."""
         return self.beliefs is not None and sum(self.beliefs.moved.values()) > 0.5
+
+    @property
+    def beyond_robot(self) -> Array:
+        """What is left (m, 6) less what errors of the robot's orientation are known to make of it."""
+        return self.residuals if self.of_robot is None else self.residuals - self.of_robot[self.kept]
 
     @property
     def change(self) -> Array:

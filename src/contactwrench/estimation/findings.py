@@ -227,8 +227,7 @@ def _correlated_poses(fit: Estimate) -> Row:
     way are not, and no std holds.
     """
     n = len(fit.residuals)
-    rms = np.maximum(np.sqrt(np.mean(fit.residuals**2, axis=0)), 1e-300)
-    left = fit.residuals / rms
+    left = fit.beyond_robot / np.maximum(np.sqrt(np.mean(fit.beyond_robot**2, axis=0)), 1e-300)
     alike = float(np.mean(left[1:] * left[:-1])) if n >= FEWEST_IN_A_ROW else 0.0
     worth = (1.0 - alike) / max(1.0 + alike, 1e-300)
     text = (
@@ -245,7 +244,7 @@ def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:
 
     n = len(readings)
     A = np.column_stack([gravity_in_flange(readings.R_base_flange, fit.gravity_direction), np.ones(n)])
-    whitened = fit.residuals / fit.noise
+    whitened = fit.beyond_robot / fit.noise
     rest = max(float(np.sum((whitened - A @ np.linalg.lstsq(A, whitened, rcond=None)[0]) ** 2)), 1e-300)
     gain = float(np.sum(whitened**2)) - rest
     dof, added = 6.0 * n - AFFINE_PARAMETERS, AFFINE_PARAMETERS - RIGID_PARAMETERS

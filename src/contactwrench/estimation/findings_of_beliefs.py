@@ -9,7 +9,7 @@ import numpy as np
 from ..calibration.findings import Finding, Kind
 from ..geometry.arrays import Array
 from ..samples.poses import Pose, names_of
-from ..statistics import counted, force_and_torque
+from ..statistics import counted, force_and_torque, two_digits
 from .bias_drift import in_words
 from .estimate import IN_DOUBT, Beliefs, Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, WARNING, WEAK
@@ -37,8 +37,8 @@ WITH_ORIENTATION = {
     Kind.GAIN: f"gain or cross-talk of the sensor shows {COUNTED}; a calibrated sensor matrix would mend it",
     Kind.CREEP: f"a part of the load of the pose before shows {COUNTED}, as of a sensor that creeps; rest for longer",
     Kind.CABLE: f"a pull that goes with the orientation shows, as of a cable {COUNTED}; fasten or free the cable",
-    Kind.ROBOT: "errors of the robot's orientation show (probability {}): they are counted in every std; a calibrated "
-    "robot, or more poses, would mend it",
+    Kind.ROBOT: "the robot's orientations are off by about {} deg an axis (probability {}): it is counted in every "
+    "std, and in what a new orientation reads; a calibrated robot would mend it",
 }
 
 
@@ -185,7 +185,8 @@ def _with_orientation(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...
     for kind, probability in beliefs.with_orientation.items():
         chance = _percent(min(probability, 0.999))
         if probability > 0.5 and kind in WITH_ORIENTATION:
-            found.append(WARNING(kind, WITH_ORIENTATION[kind].format(chance)))
+            how_far = [two_digits(float(np.rad2deg(beliefs.turn)))] if kind is Kind.ROBOT else []
+            found.append(WARNING(kind, WITH_ORIENTATION[kind].format(*how_far, chance)))
         if probability > 0.5 and kind is Kind.TWO_LEVELS:
             side = beliefs.levels @ beliefs.levels[0] > 0.0
             few = side if 2 * side.sum() <= len(side) else ~side

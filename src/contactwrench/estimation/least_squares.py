@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import RigidTool, response_jacobian
+from .bias_drift import Kernels
 from .moments import Moments
 from .noise import NoiseModel
 from .priors import PriorRows
@@ -67,7 +68,8 @@ class Priors:
 class Members:
     """Solutions (m) under pairs of a kernel and a hypothesis: `kernel`, `hypothesis` indices; `step` (m, p) from where
     all was linearised, `covariance` (m, p, p); `variance` (m, 6) of a pose's reading and `dof` (m, 6) behind each axis'
-    own; `log_evidence` (m,); `misfit` (m, 6) sums of squares over the variance.
+    own; `log_evidence` (m,); `misfit` (m, 6) sums of squares over the variance; `strength` (m,) of the kernel; how the
+    `robot`'s errors go on (m,), -1 where it has none, by a `turn` (m,) rad, standard deviation.
     """
 
     kernel: NDArray[np.intp]
@@ -78,10 +80,18 @@ class Members:
     dof: Array
     log_evidence: Array
     misfit: Array
+    strength: Array
+    robot: NDArray[np.intp]
+    turn: Array
 
     def select(self, kept: Array) -> Members:
         """Those of an index or a mask."""
         return Members(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
+
+    def joined(self, others: Members) -> Members:
+        """These and others."""
+        names = self.__dataclass_fields__
+        return Members(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
 
     def with_rows(self, places: NDArray[np.intp], others: Members) -> Members:
         """The same with `others` in the place of some."""
@@ -104,14 +114,14 @@ def gram(tool: RigidTool, names: tuple[str, ...], S: Array) -> Array:
 def solved(
     G: Array,
     moments: Moments,
-    log_prior: Array,
+    kernels: Kernels,
     priors: Priors,
     pairs: Pairs,
     noise: NoiseModel,
     passes: int = MOST_PASSES,
     begin: Array | None = None,
 ) -> Members:
-    """The solutions under `pairs` of a kernel, whose `log_prior` (k,) counts, and a hypothesis; noise and parameters at
+    """The solutions under `pairs` of one of the `kernels` and a hypothesis; noise and parameters at
     their joint optimum, or after so many `passes` close to it; `begin`: the logarithms of the variances (m, 6) that the
     first pass has, None: those of `noise`.
     """
@@ -160,12 +170,14 @@ def solved(
         + log_det
         + noise.log_volume(log_variance, dof, apart)
     )
-    evidence = evidence + log_prior[kernel] + priors.log_prior[hypothesis]
-    found = Members(kernel, hypothesis, step, covariance * scale, np.exp(log_variance), dof, evidence, misfit)
+    evidence = evidence + kernels.log_prior[kernel] + priors.log_prior[hypothesis]
+    strength, variance = kernels.strength[kernel], np.exp(log_variance)
+    none, turn = np.full(m, -1, dtype=np.intp), np.zeros(m)
+    found = Members(kernel, hypothesis, step, covariance * scale, variance, dof, evidence, misfit, strength, none, turn)
     left = passes - k - 1
     if len(moving) and left:
         pairs = kernel[moving], hypothesis[moving]
-        return found.with_rows(moving, solved(G, moments, log_prior, priors, pairs, noise, left, log_variance[moving]))
+        return found.with_rows(moving, solved(G, moments, kernels, priors, pairs, noise, left, log_variance[moving]))
     return found
 
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
-from ..model import RigidTool, response_jacobian, wrench_jacobian
+from ..model import RigidTool, wrench_jacobian
 from .bias_drift import kernels_of
 from .hypotheses import Hypothesis
-from .moments import precision_diagonal, precision_times
 from .orientation_errors import two_levels
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
-from .tables import FAR, Problem, Table, explained, near_kernels, settled, table_at
+from .problem import Problem
+from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, settled, table_at
 
 DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
@@ -111,8 +111,8 @@ def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
         flipped[worst] = False
         sets.append(flipped)
     if not kept.all():
-        left, known = explained(problem, table, member)
-        squared = np.sum((left - known) ** 2 / m.variance[member], axis=1)
+        left, *known = explained(problem, table, member)
+        squared = np.sum((left - sum(known)) ** 2 / m.variance[member], axis=1)
         nearest = int(np.argmin(np.where(kept, np.inf, squared)))
         flipped = kept.copy()
         flipped[nearest] = True
@@ -143,19 +143,17 @@ def _deletion(problem: Problem, table: Table) -> tuple[Array, Array]:
     """
     m, best = table.members, table.best
     kept = table.kept
-    drift, strength = table.kernel_of(best)
-    L = drift.columns[kept]
-    variance = problem.relative[kept]
-    n = int(kept.sum())
-    J = response_jacobian(table.tool, problem.names)
-    R = problem.R_base_flange[kept].reshape(n, 9)
-    errors = problem.errors(table.tool)[kept] - R @ np.tensordot(m.step[best], J, 1).T
-    X = np.concatenate([R, errors, np.ones((n, 1))], axis=1)
-    KX = precision_times(L, strength, variance, X)
-    of_one = KX[:, -1:]
-    QX = (KX - of_one * (of_one[:, 0] @ X) / of_one.sum())[:, :15]
-    diagonal = precision_diagonal(L, strength, variance) - of_one[:, 0] ** 2 / of_one.sum()
-    inverse = 1.0 / m.variance[best]
-    Z = np.tensordot(QX[:, :9], J, (1, 2)).transpose(0, 2, 1) * inverse[:, None]
-    D = diagonal[:, None, None] * np.diag(inverse) - Z @ m.covariance[best] @ Z.transpose(0, 2, 1)
-    return QX[:, 9:] * inverse, D
+    V = covariance_of_errors(problem, table, best)
+    J = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)
+    errors = problem.errors(table.tool)[kept] - J[:, :, problem.columns] @ m.step[best]
+    weighted = V.precision_times(np.concatenate([J, errors[..., None]], axis=2))
+    of_J, of_errors = weighted[:, :, :-1], weighted[:, :, -1]
+    Z, of_bias = of_J[:, :, problem.columns], of_J[:, :, 4:10]
+    own = np.linalg.inv(of_bias.sum(axis=0))
+    Z = Z - of_bias @ own @ Z.sum(axis=0)
+    D = (
+        V.precision_blocks()
+        - of_bias @ own @ of_bias.transpose(0, 2, 1)
+        - Z @ m.covariance[best] @ Z.transpose(0, 2, 1)
+    )
+    return of_errors - of_bias @ own @ of_errors.sum(axis=0), D

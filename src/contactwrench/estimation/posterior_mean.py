@@ -10,22 +10,23 @@ from ..calibration.findings import BIAS_MOVED, Kind
 from ..geometry.arrays import Array
 from ..model import (
     matrix_jacobian,
-    response_jacobian,
     small_change_about,
     stepped,
     wrench_jacobian,
     wrench_matrix,
 )
 from .bias_drift import Drift
+from .error_covariance import Turned
 from .estimate import EXCLUDED, IN_DOUBT, Beliefs, RigidEstimate
-from .least_squares import gram
-from .moments import moments_of, precision_times
 from .noise import MOST_DOF, PoseReadings
-from .orientation_errors import of_orientation
+from .orientation_errors import of_gain
 from .outliers import probability_of_a_level
 from .posterior import deleted_errors
 from .priors import rows_of
-from .tables import Problem, Table, explained
+from .problem import Problem
+from .robot_errors import variance_of_turns
+from .tables import Table, covariance_of_errors, explained
+from .variance_components import inverse_of, log_spread
 
 FEWEST_DOF = 2.0
 """With fewer an axis alone says next to nothing."""
@@ -36,8 +37,8 @@ NOT_EXCLUDED = 1.96**-2.0
 OF_TOOL = slice(0, 10)
 """Of the parameters: weight, com, bias."""
 
-FOUND_AT_POSES, DIFFER_ANEW = (Kind.TWO_LEVELS, Kind.CREEP), (Kind.CABLE, Kind.ROBOT)
-"""Errors that another orientation has anew: by what is found at the poses, or by the strength."""
+FOUND_AT_POSES = (Kind.TWO_LEVELS, Kind.CREEP)
+"""Errors that another orientation has anew, by what is found at the poses."""
 
 NOT_LEFT = (*BIAS_MOVED, Kind.CREEP)
 """What is found of these is known of each pose, and is no part of what is left there."""
@@ -49,22 +50,20 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     """
     names, columns, first, auto = problem.names, problem.columns, tables[0], problem.question.model == "auto"
     tool, bias = first.tool, slice(4, 10)
-    J = response_jacobian(tool, names)
     log_all = np.concatenate([table.members.log_evidence for table in tables])
     weight = np.exp(log_all - np.logaddexp.reduce(log_all))
     steps, within = np.zeros((len(weight), len(names))), np.zeros((len(names), len(names)))
     own_variance, last_biases = np.zeros_like(steps), [_last_bias(problem, table) for table in tables]
-    for (table, here), (mean, own) in zip(_members(tables), last_biases, strict=True):
+    for (table, here), (mean, of_mean, own) in zip(_members(tables), last_biases, strict=True):
         m, share = table.members, weight[here]
         steps[here, columns] = m.step
-        of_mean = np.tensordot(mean[:, :9], J, (1, 2)).transpose(0, 2, 1)
-        steps[here, bias] = mean[:, 9:] - (of_mean @ m.step[:, :, None])[:, :, 0]
+        steps[here, bias] = mean - (of_mean @ m.step[:, :, None])[:, :, 0]
         to_bias = -of_mean @ m.covariance
         C = np.zeros((len(share), len(names), len(names)))
         C[np.ix_(range(len(share)), columns, columns)] = m.covariance
         C[:, bias, columns] = to_bias
         C[:, columns, bias] = to_bias.transpose(0, 2, 1)
-        C[:, bias, bias] = -to_bias @ of_mean.transpose(0, 2, 1) + (own[:, None] * m.variance)[:, :, None] * np.eye(6)
+        C[:, bias, bias] = -to_bias @ of_mean.transpose(0, 2, 1) + own
         within += np.tensordot(share, C, 1)
         own_variance[here] = np.einsum("mpp->mp", C)
     step = weight @ steps
@@ -73,18 +72,21 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     off = steps - step
     off_by_tilt = _off_by_exactness(tables, weight, off**2 + own_variance)
     covariance = axes @ (within + (weight * off.T) @ off) @ axes.T
-    of_axes = axes @ _of_axes(problem, first, *(of_all[first.best] for of_all in last_biases[0])) @ axes.T
+    of_axes, spread = _of_axes(problem, first)
+    of_axes = axes @ of_axes @ axes.T
     covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes, 1)
-    of_parameters, of_B = of_orientation(problem, tables, weight)
-    covariance = _nearest_positive(0.5 * (covariance + covariance.T), axes @ of_parameters @ axes.T)
+    of_B = of_gain(problem, tables, weight)
+    covariance = 0.5 * (covariance + covariance.T)
     variance = weight @ np.concatenate([table.members.variance for table in tables])
     variance = variance * _noisier_alone(problem, first) + _of_levels(problem, tables, weight)
     from_parameters = matrix_jacobian(moved, names)
     best = first.best
-    left_by, known_of_bias = explained(problem, first, best)
-    errors = left_by - known_of_bias if first.kernel_of(best)[0].kind in NOT_LEFT else left_by
+    left_by, of_kernel, of_turns = explained(problem, first, best)
+    errors = left_by - of_kernel * (first.kernel_of(best)[0].kind in NOT_LEFT)
     covariance[bias, bias] += _of_other_causes(problem, tables, weight)
     left = first.members.dof[best].reshape(2, 3).sum(axis=1)
+    if first.members.robot[best] >= 0:  # which are of the noise alone
+        left = np.full(2, max(3.0 * int(first.kept.sum()) - 0.5 * len(names), 0.0))
     known = rows_of(problem.question.knowledge, moved, names).jacobian
     whitened = wrench_jacobian(moved, problem.R_base_flange[first.kept], names) / np.sqrt(variance)[:, None]
     rows = np.vstack([whitened.reshape(-1, len(names)), known])
@@ -97,13 +99,14 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         B_covariance=from_parameters @ covariance @ from_parameters.T,
         covariance=covariance,
         noise=np.sqrt(variance),
-        dof=_dof(problem, first, of_axes, covariance),
+        dof=_dof(problem, first, of_axes, spread, covariance),
         kept=first.kept,
         errors=errors,
         held_out=None if plain else deleted_errors(problem, first),
         reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
+        of_robot=of_turns,
         gain_covariance=0.5 * (of_B + of_B.T) if of_B.any() else None,
         beliefs=None if plain and not auto else _beliefs(problem, tables, weight, errors, off_by_tilt),
     )
@@ -134,8 +137,8 @@ def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Ar
         out = np.flatnonzero(~table.kept)
         if not len(out):
             continue
-        left, known = explained(problem, table, table.best)
-        off, share = (left - known)[out], float(weight[here].sum())
+        left, *known = explained(problem, table, table.best)
+        off, share = (left - sum(known))[out], float(weight[here].sum())
         if stepping and out[-1] == len(left) - 1:
             added += share * NOT_EXCLUDED * np.outer(off[-1], off[-1])
         scale, halfway = np.sqrt(table.members.variance[table.best]), 0.5 * off.mean(axis=0)
@@ -151,71 +154,62 @@ def _members(tables: list[Table]) -> Iterator[tuple[Table, slice]]:
         yield table, slice(offset, offset := offset + len(table.members.kernel))
 
 
-def _nearest_positive(covariance: Array, added: Array) -> Array:
-    """The sum of a covariance and what may lessen it in places, no less than half of itself in any direction."""
-    if not added.any():
-        return covariance
-    unit = np.sqrt(np.maximum(np.diag(covariance), 1e-60))
-    values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
-    root = vectors * np.sqrt(np.maximum(values, 1e-15))
-    inverse = np.linalg.inv(root)
-    relative = np.eye(len(unit)) + inverse @ (added / np.outer(unit, unit)) @ inverse.T
-    values, vectors = np.linalg.eigh(0.5 * (relative + relative.T))
-    root = (root @ vectors) * np.sqrt(np.maximum(values, 0.5))
-    return np.asarray((root @ root.T) * np.outer(unit, unit))
-
-
 def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
     """What a field over orientations, two levels of the bias, or creep adds to the variance (6,) of a pose's reading:
     at a new orientation it is there anew.
     """
     added = np.zeros(6)
     for table, here in _members(tables):
+        added += weight[here] @ table.members.turn**2 * variance_of_turns(table.tool, problem.R_base_flange)
         for member, share in enumerate(weight[here]):
             drift, strength = table.kernel_of(member)
             if drift.kind in FOUND_AT_POSES:
                 added += share * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
-            elif drift.kind in DIFFER_ANEW:
+            elif drift.kind is Kind.CABLE:
                 added += share * strength**2 * table.members.variance[member]
     return added
 
 
-def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array]:
-    """Of each member: the weighted mean (m, 15) of orientation and error that the last bias is read off, and its
-    variance (m,) in units of a reading's.
+def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
+    """Of each member: the mean error (m, 6) that the last bias is read off, that of its derivatives (m, 6, p - 6), and
+    the covariance (m, 6, 6) of the bias, were all else known.
     """
-    kernels, kept = table.kernels, table.kept
-    n = int(kept.sum())
-    X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[kept]
-    mean, own = {}, {}
-    for k in np.unique(table.members.kernel):
-        of_one = precision_times(
-            kernels.drifts[kernels.drift[k]].columns[kept],
-            float(kernels.strength[k]),
-            problem.relative[kept],
-            np.ones((n, 1)),
-        )[:, 0]
-        mean[k], own[k] = of_one @ X / of_one.sum(), 1.0 / of_one.sum()
-    return np.array([mean[k] for k in table.members.kernel]), np.array([own[k] for k in table.members.kernel])
+    m, kept, columns = table.members, table.kept, problem.columns
+    J = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)[:, :, columns]
+    both = np.concatenate([J, problem.errors(table.tool)[kept, :, None]], axis=2)
+    found: dict[tuple[int, int], tuple[Array, Array]] = {}
+    own = np.zeros((len(m.kernel), 6, 6))
+    mean = np.zeros((len(m.kernel), 6, len(columns) + 1))
+    for member, which in enumerate(zip(m.kernel.tolist(), m.robot.tolist(), strict=True)):
+        if which not in found:
+            V, root = covariance_of_errors(problem, table, member), np.sqrt(m.variance[member])
+            constant, covariance = V.constant(both)
+            found[which] = constant, covariance / np.outer(root, root)
+        root = np.sqrt(m.variance[member])
+        mean[member], own[member] = found[which][0], found[which][1] * np.outer(root, root)
+    return mean[:, :, -1], mean[:, :, :-1], own
 
 
-def _of_axes(problem: Problem, table: Table, mean: Array, own: float) -> Array:
-    """What each axis' noise contributes to the covariance of the parameters (6, p, p), of the likeliest member; `mean`
-    and `own` as `_last_bias` has them.
+def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
+    """Of the likeliest member: what each axis' noise contributes to the covariance of the parameters (6, p, p), and the
+    covariance (6, 6) of the logarithms of the axes' variances.
     """
-    m, best, names = table.members, table.best, problem.names
-    of_step = m.covariance[best]
-    X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[table.kept]
-    kernel = table.kernels.select(m.kernel[best : best + 1]).of_poses(table.kept)
-    G = gram(table.tool, names, moments_of(X, problem.relative[table.kept], kernel).S)[0, :, :-1, :-1]
-    of_axis = of_step @ (G / m.variance[best][:, None, None]) @ of_step
-    to_all = np.zeros((len(names), len(of_step)))
-    to_all[problem.columns] = np.eye(len(of_step))
-    to_all[4:10] = -(response_jacobian(table.tool, names) @ mean[:9]).T
-    contribution: Array = to_all @ of_axis @ to_all.T
-    axes = np.arange(6)
-    contribution[axes, 4 + axes, 4 + axes] += own * m.variance[best]
-    return contribution
+    m, best = table.members, table.best
+    V = covariance_of_errors(problem, table, best)
+    J = wrench_jacobian(table.tool, problem.R_base_flange[table.kept], problem.names)
+    weighted = V.precision_times(J)
+    information = np.tensordot(J, weighted, ((0, 1), (0, 1)))
+    information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[best]]
+    base = V.base if isinstance(V, Turned) else V
+    gain = weighted @ inverse_of(information) * np.sqrt(m.variance[best])[:, None]
+    of_noise = gain * np.sqrt(problem.relative[table.kept])[:, None, None]
+    of_kernel = base.strength * np.tensordot(base.columns[table.kept], gain, (0, 0))
+    by_axis = np.concatenate([of_noise, of_kernel])
+    if isinstance(V, Turned) and problem.noise.stated is None:
+        spread = log_spread(V, J, information)
+    else:
+        spread = problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
+    return np.asarray(by_axis.transpose(1, 2, 0) @ by_axis.transpose(1, 0, 2)), spread
 
 
 def _noisier_alone(problem: Problem, table: Table) -> Array:
@@ -229,12 +223,11 @@ def _noisier_alone(problem: Problem, table: Table) -> Array:
     return np.maximum(alone, 1.0)
 
 
-def _dof(problem: Problem, table: Table, of_axes: Array, covariance: Array) -> Array:
+def _dof(problem: Problem, table: Table, of_axes: Array, spread: Array, covariance: Array) -> Array:
     """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946): by how much the variances of
     the axes, of which it is a weighted sum, are uncertain together.
     """
     m, best = table.members, table.best
-    spread = problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
     alone = _noisier_alone(problem, table)
     for axis in np.flatnonzero(alone > 1.0):
         spread[axis, :] = spread[:, axis] = 0.0
@@ -269,6 +262,8 @@ def _beliefs(
     of_table = [float(weight[here].sum()) for _, here in _members(tables)]
     kinds = np.concatenate([table.kinds for table in tables])
     of_kind = {kind: float(weight[kinds == kind].sum()) for kind in dict.fromkeys(kinds) if kind is not None}
+    turn = np.concatenate([table.members.turn for table in tables])
+    of_kind[Kind.ROBOT] = float(weight[turn > 0.0].sum())
 
     def likeliest(some: Set[Kind]) -> tuple[Drift | None, Array]:
         """The likeliest drift of these kinds, and what each pose's bias was off by it, (n, 6)."""
@@ -291,6 +286,7 @@ def _beliefs(
         change=change,
         with_orientation={kind: share for kind, share in of_kind.items() if kind not in BIAS_MOVED},
         levels=likeliest({Kind.TWO_LEVELS})[1],
+        turn=float(np.sqrt(weight @ turn**2 / max(of_kind[Kind.ROBOT], EXCLUDED))),
         mounting_exact=mounting_exact,
         base_exact=base_exact,
         off_by_mounting=off_by_tilt[0] * judged,

@@ -18,11 +18,13 @@ from .estimate import RigidEstimate
 from .hypotheses import WIDTHS, Hypothesis, hypotheses_of, known_at, priors_at
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .noise import NoiseModel, PoseReadings, relative_variances
-from .orientation_errors import IN_ORDER, ODDS, orientation_errors
+from .orientation_errors import orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
 from .priors import Question, tool_of
-from .tables import Problem, Table, near_kernels, settled, table_at
+from .problem import Problem
+from .robot_errors import turns_of_robot
+from .tables import Table, near_kernels, settled, table_at
 
 RIGID_MODELS = ("auto", *SEARCH_OF_MODEL)
 """With one weight."""
@@ -86,12 +88,12 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     start = relative_variances(question.noise) * max(float(np.mean(spread[:, :3] ** 2)), 1e-20)
     if question.noise is not None:
         start = relative_variances(question.noise)
+    robot: tuple[Array, ...] = ()
     drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
     if not plain and n > FEWEST_FOR_ORIENTATION and question.earlier is None:
-        for kind, drift in orientation_errors(readings.R_base_flange, question.gravity_direction).items():
-            if kind not in IN_ORDER or readings.time is not None:
-                drifts.append(drift)
-                log_prior.append(float(np.log(ODDS[kind])))
+        errors = orientation_errors(readings.R_base_flange, question.gravity_direction, readings.time is not None)
+        drifts, log_prior = drifts + errors[0], log_prior + errors[1]
+        robot = () if question.noise is not None else turns_of_robot(n, readings.time is not None)
     return Problem(
         readings.R_base_flange,
         readings.wrench,
@@ -100,6 +102,7 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
         PARAMETERS[model_fitted(question.model)],
         question,
         NoiseModel(readings.least_variance, question.noise, start),
+        robot,
     )
 
 

@@ -11,26 +11,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import (
-    GRAVITY,
     RigidTool,
-    all_but_the_bias,
-    free_wrench,
-    gravity_in_flange,
     response,
     response_jacobian,
-    stepped,
-    wrench_matrix,
+    wrench_jacobian,
 )
-from .bias_drift import STRENGTHS, Drift, Kernels
+from .bias_drift import Drift, Kernels
+from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned
 from .hypotheses import Hypothesis, known_at, priors_at
 from .least_squares import Members, Priors, gram, solved
-from .moments import moments_of, precision_times
-from .noise import NoiseModel
-from .outliers import LEVEL_SHARE, log_density_outlying, log_prior_outlying
-from .priors import Question
+from .moments import moments_of
+from .outliers import log_density_outlying, log_prior_outlying
+from .problem import Problem
+from .robot_errors import ODDS, likely_with, turns_across_gravity
+from .variance_components import Linear, members_of
 
 FAR = 10.0
 """Natural logarithm of the odds at which a rival is no longer looked at."""
@@ -52,58 +48,6 @@ LONG_WAY = 3.0
 """Standard deviations: after a longer step they are, too."""
 
 CENTRINGS = 10
-LARGEST_TURN = 0.5
-"""rad in one step."""
-
-BEYOND_WALL = 0.2
-"""Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned."""
-
-
-SHARE_OF_WEIGHT: dict[Kind | None, float] = {
-    Kind.GAIN: 0.01,
-    Kind.CREEP: 0.01,
-    Kind.ROBOT: 0.01,
-    Kind.CABLE: 0.05,
-    Kind.TWO_LEVELS: LEVEL_SHARE,
-}
-"""Scale of the error, of a half-normal prior: sensors have gains and cross-talk of a percent or two, robots
-orientations good to half a degree, cables and backlash move a reading by some percent of the weight."""
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of their errors, the parameters `names`,
-    the question and what is known of the noise.
-    """
-
-    R_base_flange: Array
-    wrench: Array
-    relative: Array
-    kernels: Kernels
-    names: tuple[str, ...]
-    question: Question
-    noise: NoiseModel
-
-    @property
-    def columns(self) -> list[int]:
-        """Of the parameters: those that are not the bias."""
-        return all_but_the_bias(self.names)
-
-    def errors(self, tool: RigidTool) -> Array:
-        """What `tool` leaves in the readings, (n, 6)."""
-        r = gravity_in_flange(self.R_base_flange, tool.gravity_direction)
-        return self.wrench - free_wrench(wrench_matrix(tool), r)
-
-    def stepped(self, tool: RigidTool, step: Array) -> RigidTool:
-        """The tool after a step (p,) in all but the bias, no rotation too far."""
-        full = np.zeros(len(self.names))
-        full[self.columns] = step
-        turn = float(np.abs(step[4:]).max(initial=0.0))
-        moved = stepped(tool, full * min(1.0, LARGEST_TURN / max(turn, LARGEST_TURN)), self.names)
-        d = moved.gravity_direction
-        if moved.weight < 0.0 and GRAVITY[0] in self.names and d @ self.question.gravity_direction < BEYOND_WALL:
-            return replace(moved, weight=-moved.weight, gravity_direction=-d)
-        return moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +66,7 @@ class Table:
     def kernel_of(self, member: int) -> tuple[Drift, float]:
         """The drift of a member, and its strength."""
         k = self.members.kernel[member]
-        return self.kernels.drifts[self.kernels.drift[k]], float(self.kernels.strength[k])
+        return self.kernels.drifts[self.kernels.drift[k]], float(self.members.strength[member])
 
     @property
     def kinds(self) -> NDArray[np.object_]:
@@ -148,16 +92,31 @@ def table_at(
     hypotheses: tuple[Hypothesis, ...],
     among: NDArray[np.intp] | None = None,
 ) -> Table:
-    """All members that count, linearised at `tool`: every kernel, or those `among` which to look, under the widest
-    hypothesis, every hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
-    A step after the last pose that is kept shows nowhere, and is none of them.
-    """
-    n = len(problem.wrench)
-    X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
+    """All members that count, linearised at `tool`: of every kernel, or those `among` which to look."""
+    among = _seen(problem, kept, among)
+    return _weighed(problem, _with_turns(problem, _untouched(problem, tool, kept, hypotheses, among), among))
+
+
+def _seen(problem: Problem, kept: NDArray[np.bool_], among: NDArray[np.intp] | None) -> NDArray[np.intp]:
+    """The kernels `among` which to look, all if None, but for steps after the last pose kept, which show nowhere."""
     among = np.arange(len(problem.kernels.drift)) if among is None else among
     last = np.flatnonzero(kept)[-1]
     unseen = np.array([(drift.first_after or 0) > last for drift in problem.kernels.drifts])
-    among = among[~unseen[problem.kernels.drift[among]]]
+    return np.asarray(among[~unseen[problem.kernels.drift[among]]])
+
+
+def _untouched(
+    problem: Problem,
+    tool: RigidTool,
+    kept: NDArray[np.bool_],
+    hypotheses: tuple[Hypothesis, ...],
+    among: NDArray[np.intp],
+) -> Table:
+    """The members in which the robot's orientation is right: every kernel under the widest hypothesis, every hypothesis
+    under the likeliest kernel, both roughly, and then the pairs that come near the best.
+    """
+    n = len(problem.wrench)
+    X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
     kernels = problem.kernels.select(among)
     moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
     G = gram(tool, problem.names, moments.S)
@@ -165,30 +124,50 @@ def table_at(
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
     if len(k) > FEW_PAIRS:
         each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)
-        looked_at = solved(G, moments, kernels.log_prior, priors, (each, widest), problem.noise, LOOK)
+        looked_at = solved(G, moments, kernels, priors, (each, widest), problem.noise, LOOK)
         rough = looked_at.log_evidence + _log_plausible(tool, kernels, looked_at)
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
-        looked_at = solved(G, moments, kernels.log_prior, priors, (likeliest, each), problem.noise, LOOK)
+        looked_at = solved(G, moments, kernels, priors, (likeliest, each), problem.noise, LOOK)
         of_hypotheses = looked_at.log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
-    members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise)
+    members = solved(G, moments, kernels, priors, (k, h), problem.noise)
     log_evidence = members.log_evidence + _log_plausible(tool, kernels, members)
     members = replace(members, kernel=among[k], log_evidence=log_evidence)
-    members = members.select(log_evidence > log_evidence.max() - FAR)
-    table = Table(tool, priors, hypotheses, kept, problem.kernels, members)
-    return replace(table, members=replace(members, log_evidence=members.log_evidence + _of_the_rest(problem, table)))
+    return Table(tool, priors, hypotheses, kept, problem.kernels, _near(members))
+
+
+def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp]) -> Table:
+    """The same, and the members in which the robot's orientation is off beside one of the kernels `among`."""
+    if not problem.robot:
+        return table
+    kept, tool, m = table.kept, table.tool, table.members
+    J = wrench_jacobian(tool, problem.R_base_flange[kept], problem.names)
+    linear = Linear(J, problem.errors(tool)[kept], problem.columns, tool.weight, table.priors, problem.noise)
+    base = AlikeOnAxes(kept, problem.relative, m.variance[table.best], np.zeros((len(kept), 0)), 0.0)
+    log_odds, untouched = float(np.log(ODDS / len(problem.robot))), m
+    for robot, alike in enumerate(problem.robot):
+        turns = turns_across_gravity(tool, problem.R_base_flange, alike, kept)
+        for k, optimum in likely_with(linear, base, turns, problem.kernels, untouched, among):
+            own = optimum.V.base
+            size = problem.kernels.log_plausible(np.array([k]), np.array([own.strength]), own.of_forces, tool.weight)
+            log_prior = log_odds + float(size[0] + problem.kernels.log_prior[k])
+            m = m.joined(members_of(linear, optimum, k, log_prior, robot))
+    return replace(table, members=_near(m))
+
+
+def _near(members: Members) -> Members:
+    return members.select(members.log_evidence > members.log_evidence.max() - FAR)
+
+
+def _weighed(problem: Problem, table: Table) -> Table:
+    """The table with the evidence of the poses left out."""
+    m = table.members
+    return replace(table, members=replace(m, log_evidence=m.log_evidence + _of_the_rest(problem, table)))
 
 
 def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array:
-    """Logarithm of the prior (m,) of how large an error is as a share of the weight, over that of its strengths."""
-    scales = np.array([SHARE_OF_WEIGHT.get(drift.kind, np.nan) for drift in kernels.drifts])[kernels.drift]
     noise = np.sqrt(members.variance[:, :3].mean(axis=1))
-    weight = np.maximum(np.abs(tool.weight + members.step[:, 0]), 1e-12)
-    share = kernels.strength[members.kernel] * noise / (weight * scales[members.kernel])
-    apart = np.log(STRENGTHS[1] / STRENGTHS[0])
-    even = 1.0 / (apart * np.array([len(drift.strengths) for drift in kernels.drifts]))  # density of the logarithm
-    plausible = np.log(np.sqrt(2.0 / np.pi) * share / even[kernels.drift[members.kernel]]) - 0.5 * share**2
-    return np.where(np.isnan(share), 0.0, plausible)
+    return kernels.log_plausible(members.kernel, members.strength, noise, tool.weight + members.step[:, 0])
 
 
 def _of_the_rest(problem: Problem, table: Table) -> float:
@@ -197,24 +176,39 @@ def _of_the_rest(problem: Problem, table: Table) -> float:
     rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
     if not out.any():
         return float(rest)
-    left, known = explained(problem, table, table.best)
-    errors, variance = (left - known)[out], table.members.variance[table.best]
+    left, *known = explained(problem, table, table.best)
+    errors, variance = (left - sum(known))[out], table.members.variance[table.best]
     density = log_density_outlying(errors / np.sqrt(variance))
     return float(rest + density - 0.5 * float(np.sum(np.log(variance))) * len(errors))
 
 
-def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array]:
-    """What a member leaves in all readings (n, 6) with its constant bias taken out, and what of that its kernel knows:
-    the change of the bias, the pull of a cable.
+def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array, Array]:
+    """What a member leaves in all readings (n, 6) with its constant bias taken out, and what of that is known: the
+    change of the bias or the pull of a cable, and the robot's turns.
     """
     moved = np.tensordot(table.members.step[member], response_jacobian(table.tool, problem.names), 1)
     errors = problem.errors(table.tool) - problem.R_base_flange.reshape(-1, 9) @ moved.T
-    drift, strength = table.kernel_of(member)
-    L, variance = drift.columns[table.kept], problem.relative[table.kept]
-    both = precision_times(L, strength, variance, np.column_stack([np.ones(len(L)), errors[table.kept]]))
-    bias = both[:, 1:].sum(axis=0) / both[:, 0].sum()
-    known = strength**2 * drift.columns @ (L.T @ (both[:, 1:] - both[:, :1] * bias))
-    return errors - bias, known
+    V = covariance_of_errors(problem, table, member)
+    errors = errors - V.constant(errors[table.kept, :, None])[0][:, 0]
+    left = V.precision_times(errors[table.kept, :, None])[:, :, 0]
+    if isinstance(V, Turned):
+        return errors, V.base.in_common(left), V.in_common(left)
+    return errors, V.in_common(left), np.zeros_like(errors)
+
+
+def covariance_of_errors(problem: Problem, table: Table, member: int, without_kernel: bool = False) -> ErrorCovariance:
+    """Of all poses, under a member; `without_kernel`: but for what its kernel has."""
+    m = table.members
+    columns = table.kernel_of(member)[0].columns
+    base = AlikeOnAxes(
+        table.kept, problem.relative, m.variance[member], columns, 0.0 if without_kernel else float(m.strength[member])
+    )
+    if m.robot[member] < 0:
+        return base
+    alike = problem.robot[m.robot[member]]
+    return Turned(
+        base, turns_across_gravity(table.tool, problem.R_base_flange, alike, table.kept), float(m.turn[member])
+    )
 
 
 def settled(
@@ -225,9 +219,16 @@ def settled(
     among: NDArray[np.intp] | None = None,
 ) -> Table:
     """The table near the mean of its own members: where that makes no difference, it stays linearised at `tool`. Where
-    it makes little, and is near, kernels that come nowhere near are not looked at again.
+    it makes little, and is near, kernels that come nowhere near are not looked at again. Turns of the robot come last:
+    far from where the readings point, they would take up what is no error of it.
     """
-    table = table_at(problem, tool, kept, hypotheses, among)
+    table = _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among))
+    table = _centred(replace(problem, robot=()), table, among)
+    turned = _with_turns(problem, table, _seen(problem, kept, among))
+    return _weighed(problem, _centred(problem, turned, among) if (turned.members.robot >= 0).any() else table)
+
+
+def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> Table:
     for _ in range(CENTRINGS):
         step = np.exp(table.members.log_evidence - table.log_evidence) @ table.members.step
         moved = problem.stepped(table.tool, step)
@@ -236,7 +237,8 @@ def settled(
             break
         std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
         anew = bent > BENT or float(np.max(np.abs(step) / std)) > LONG_WAY
-        table = table_at(problem, moved, kept, hypotheses, among if anew else near_kernels([table]))
+        near = _seen(problem, table.kept, among if anew else near_kernels([table]))
+        table = _with_turns(problem, _untouched(problem, moved, table.kept, table.hypotheses, near), near)
     return table
 
 

@@ -1,0 +1,156 @@
+"""Errors of the robot's orientation: each turns the weight, across gravity and never along it.
+
+A pose whose flange is off by a small rotation phi (rad, flange axes) reads B [r]_x phi more, r gravity in the flange
+and B the tool's wrench matrix. That is two directions of six, in which the torque goes with the force: under a quiet
+sensor what lies along gravity, and the torque about the centre of mass, are exact where the rest is not. Taken for
+noise alike on all axes such errors would make the weight doubtful that the readings tell well, and a pose that a robot
+has a bit off look like one in contact.
+
+Robots err beside whatever else there is: so each likely drift is looked at with such turns, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.arrays import Array
+from ..geometry.wrench import cross_matrix
+from ..model import RigidTool, gravity_in_flange, wrench_matrix
+from .bias_drift import Kernels
+from .error_covariance import AlikeOnAxes, Turned, Turns
+from .least_squares import Members
+from .variance_components import SHOWING, USUAL, Linear, Optimum, along_axes, at_optimum
+
+ODDS = 1.0
+"""Before the readings, that robots err so that it may show."""
+
+CORRELATION = 0.85
+"""Of the error from one pose to the next, where they have one in common."""
+
+MOST_POSES = 100
+"""With more, poses taken on the way most often, what a robot errs by passes for noise."""
+
+LEAST = 1e-5
+"""rad: no robot is so exact."""
+
+OF_NOISE = 0.25
+"""Of the variance that is left where nothing turns: the noise to begin with, the rest being turns."""
+
+MOST_BESIDE, CLOSE_BESIDE = 3, 4.0
+"""Drifts that are looked at with turns beside them, and the natural logarithm of the odds of one, against the likeliest
+or none, from which on."""
+
+
+def turns_of_robot(n: int, in_order: bool) -> tuple[Array, ...]:
+    """How errors (n, n) of the robot's orientation may be alike: not at all or, where poses are known to be `in_order`,
+    from one to the next.
+    """
+    if n > MOST_POSES:
+        return ()
+    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    return (np.eye(n), CORRELATION**apart) if in_order else (np.eye(n),)
+
+
+def turns_across_gravity(tool: RigidTool, R_base_flange: Array, alike: Array, kept: NDArray[np.bool_]) -> Turns:
+    """Of poses (n,) whose turns about the flange's axes are `alike` (n, n) from pose to pose."""
+    r = gravity_in_flange(R_base_flange, tool.gravity_direction)
+    one = np.cross(r, np.eye(3)[np.argmin(np.abs(r), axis=1)])
+    one /= np.linalg.norm(one, axis=1, keepdims=True)
+    about = np.stack([one, np.cross(r, one)], axis=2)
+    flat = about.transpose(1, 0, 2).reshape(3, -1)
+    covariance = np.repeat(np.repeat(alike, 2, axis=0), 2, axis=1) * (flat.T @ flat)
+    return Turns(_reading(tool, r) @ about, covariance, kept)
+
+
+def variance_of_turns(tool: RigidTool, R_base_flange: Array) -> Array:
+    """Of readings (6,) at these orientations, turned by 1 rad about each axis, on average."""
+    turned = _reading(tool, gravity_in_flange(R_base_flange, tool.gravity_direction))
+    return np.asarray(np.mean(np.sum(turned**2, axis=2), axis=0))
+
+
+def _reading(tool: RigidTool, r: Array) -> Array:
+    """What a small turn about the flange's axes reads, (n, 6, 3), with gravity along `r` (n, 3) in the flange."""
+    return wrench_matrix(tool)[:, :3] @ cross_matrix(r)
+
+
+def likely_with(
+    linear: Linear, base: AlikeOnAxes, turns: Turns, kernels: Kernels, others: Members, among: NDArray[np.intp]
+) -> list[tuple[int, Optimum]]:
+    """The kernels that are likely with `turns` beside them, each with its optimum; none where no turns show.
+
+    Args:
+        linear: the poses.
+        base: the noise of the likeliest of `others`, and nothing else.
+        turns: of the poses.
+        kernels: of the table.
+        others: its members without turns.
+        among: the kernels to look at, a steady bias among them where there is one.
+    """
+    beside = {
+        k: _first(linear, replace(base, variance=variance), turns)
+        for k, variance in _likely_alone(kernels, others).items()
+    }
+    steady = kernels.drift[among] == 0
+    alone = at_optimum(linear, _first(linear, base, turns))
+    found = []
+    if _shows(alone.V):
+        found = [(int(k), alone) for k in among[steady]]
+        beside |= dict.fromkeys(_likely_beside(linear, alone, kernels, among[~steady]), alone.V)
+    for k, V in beside.items():
+        columns, strength = kernels.drifts[kernels.drift[k]].columns, float(kernels.strength[k])
+        optimum = at_optimum(linear, replace(V, base=replace(V.base, columns=columns, strength=strength)))
+        if _shows(optimum.V):
+            found.append((k, optimum))
+    return found
+
+
+def _shows(V: Turned) -> bool:
+    return V.sd > LEAST and V.share > SHOWING
+
+
+def _first(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned:
+    """Where to begin: most of the noise is turns."""
+    load = max(float(np.mean(turns.reads_of_kept[:, :3] ** 2)), 1e-300)
+    sd = float(np.sqrt((1.0 - OF_NOISE) * np.mean(base.variance[:3]) / load))
+    return Turned(
+        replace(base, variance=np.maximum(OF_NOISE * base.variance, linear.noise.least)), turns, min(sd, USUAL)
+    )
+
+
+def _likely_alone(kernels: Kernels, others: Members) -> dict[int, Array]:
+    """Where a steady bias is not the likeliest, of each drift that may well be there its likeliest kernel, with the
+    variances (6,) of the noise.
+    """
+    order = np.argsort(-others.log_evidence)
+    near = order[others.log_evidence[order] > others.log_evidence[order[0]] - CLOSE_BESIDE]
+    drifts = kernels.drift[others.kernel[near]]
+    if drifts[0] == 0:
+        return {}
+    first = [int(near[np.argmax(drifts == drift)]) for drift in dict.fromkeys(drifts[drifts > 0].tolist())]
+    return {int(others.kernel[k]): others.variance[k] for k in first[:MOST_BESIDE]}
+
+
+def _likely_beside(linear: Linear, alone: Optimum, kernels: Kernels, among: NDArray[np.intp]) -> list[int]:
+    """Of each drift that may well be there beside the turns, its likeliest kernel; all variances being those of turns
+    `alone`.
+    """
+    base = alone.V.base
+    odds = kernels.log_plausible(among, kernels.strength[among], base.of_forces, linear.weight)
+    odds = odds + kernels.log_prior[among]
+    likeliest = []
+    for drift in np.unique(kernels.drift[among]):
+        here = np.flatnonzero(kernels.drift[among] == drift)
+        L = kernels.drifts[drift].columns[base.kept]
+        weighs = along_axes(linear, alone, L) * base.variance[:, None, None]
+        value, vectors = np.linalg.eigh(weighs)
+        pulled = ((L.T @ alone.left * np.sqrt(base.variance)).T[:, None] @ vectors)[:, 0] ** 2
+        squared = kernels.strength[among[here], None, None] ** 2
+        grown = squared * np.maximum(value, 0.0)
+        gain = 0.5 * np.sum(squared * pulled / (1.0 + grown) - np.log1p(grown), axis=(1, 2)) + odds[here]
+        best = int(np.argmax(gain))
+        likeliest.append((float(gain[best]), int(among[here[best]])))
+    likeliest = sorted(likeliest, reverse=True)[:MOST_BESIDE]
+    return [k for score, k in likeliest if score > max(likeliest[0][0], 0.0) - CLOSE_BESIDE]
