@@ -184,7 +184,7 @@ def _read(source: Source, role: str, alone: bool, stack: ExitStack) -> Reader:
     from ..live.pump import Reader
 
     stack.callback(source.close)
-    reader = Reader(source, probed(source, wrench=role == "sensor", orientation=alone or role == "robot"))
+    reader = Reader(source, *probed(source, wrench=role == "sensor", orientation=alone or role == "robot"))
     stack.callback(reader.join)
     stack.callback(reader.stop)  # the last goes first
     return reader

@@ -170,7 +170,7 @@ def test_a_serial_line_gives_what_it_can() -> None:
     thread.start()
     source = source_of(f"ft300://{os.ttyname(line)}")
     try:
-        assert probed(source, wrench=True, orientation=False).rate is None
+        assert probed(source, wrench=True, orientation=False)[0].rate is None
         assert source.read(0.5).samples[0].wrench == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     finally:
         source.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
 from math import nan
 from typing import Any
 
@@ -12,7 +13,7 @@ import msgspec
 from ...errors import InputError
 from ...recording.tables.columns import Naming
 from ...recording.tables.layout import cells, layout_of
-from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, Note, NoteKind, now
+from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
 from .reader import AnyLink, Reader
@@ -152,9 +153,10 @@ class _Lines(Reader[AnyLink]):
         self._begin(decoder)
         early = self._first(deadline, self._link.silent(EXPECTED))
         others = self._link.deadline(OTHERS)
-        while others.left and not (_any(early, "wrench") and _any(early, "orientation")):
-            for data in self._link.receive(others.left):
-                decoder.feed(data, now(), early)
+        with suppress(DeviceError):  # lines that end so soon are lines all the same
+            while others.left and not (_any(early, "wrench") and _any(early, "orientation")):
+                for data in self._link.receive(others.left):
+                    decoder.feed(data, now(), early)
         wrench, orientation = _any(early, "wrench"), _any(early, "orientation")
         name = f"lines of {self.uri.partition('?')[0]}"
         settings = {"pose": TAKEN_FOR_THE_FLANGE} if orientation else {}
