@@ -116,9 +116,6 @@ def live(
     hub = Hub()
     hands = None if lab is None else Hands(lab, hub)
     sys.setswitchinterval(SWITCH)
-    compiles = find_spec("numba") is not None
-    if known is not None and compiles:
-        _compiled()  # before anything comes that could not be taken meanwhile
     with ExitStack() as stack:
         first = recorded is None and _before_others()
         if first:
@@ -127,6 +124,11 @@ def live(
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
         if known is not None and not at_sensor.replay:
             require_devices(known, str(calibration), at_sensor, at_arm)
+        if find_spec("numba") is not None:
+            compiles = Thread(target=_compiled, args=(first,), name="compiles", daemon=True)
+            compiles.start()
+            if known is not None:
+                compiles.join()  # what comes meanwhile waits; else a person is at the wizard
         session = Session(
             known,
             sensor=sources["sensor"].uri,
@@ -142,8 +144,6 @@ def live(
         outlets = tuple(open_sink(sink_of(each), patient=patient) for each in out or ())
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
-        if known is None and compiles:  # while a person is at the wizard
-            Thread(target=_compiled, args=(first,), name="compiles", daemon=True).start()
         publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
         pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
         if server is not None:
@@ -254,7 +254,7 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
             raise pump.failure
 
 
-def _compiled(aside: bool = False) -> None:
+def _compiled(aside: bool) -> None:
     from ..compensate.runner import compiled
 
     if aside:
