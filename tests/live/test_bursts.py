@@ -34,14 +34,15 @@ def taken(came: Array, own: bool) -> tuple[Array, list[bool], list[tuple[str, st
             looked = min(looked + 0.02, arrival)
             events += intake.look(looked)
         due = np.flatnonzero(came == arrival) / RATE
-        for t, sample in intake.take(Batch([Sample(arrival, each if own else nan, (0.0,) * 6) for each in due.tolist()])):
+        batch = Batch([Sample(arrival, each if own else nan, (0.0,) * 6) for each in due.tolist()])
+        for t, sample in intake.take(batch):
             times.append(t)
             fine.append(not sample.flaw)
     return np.array(times), fine, [(event.kind, event.text) for event in events]
 
 
 def in_bursts(period: float, held_up: Sequence[int] = (), parts: int = 1) -> Array:
-    """Arrivals (n,) of samples each ms, in bursts until `END`, in some parts each; some are held up by half a period."""
+    """Arrivals (n,) of samples each ms, in bursts until `END`, in some parts each; some half a period late."""
     due = np.arange(1, LASTS * RATE + 1) / RATE
     burst = np.ceil(due / period - 1e-9)
     late = 0.5 * period * np.isin(burst, held_up)

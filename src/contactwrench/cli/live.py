@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-5
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
 LOOK, LOADED = 0.1, 2.0
-"""s from one look for a signal to the next; and in which a step that was compiled before is there: where it takes longer
-the devices are looked at meanwhile, as what is wrong with them is to be said at once.
+"""s from one look for a signal to the next; and in which a step that was compiled before is there: where that takes
+longer the devices are looked at meanwhile, as what is wrong with them is to be said at once.
 """
 HOST_AND_PORT, MOST_PORT = "HOST:PORT", 65_535
 
@@ -119,9 +119,7 @@ def live(
     hub = Hub()
     hands = None if lab is None else Hands(lab, hub)
     sys.setswitchinterval(SWITCH)
-    compiles = None if known is None else _compiling()
-    if compiles is not None:
-        compiles.join(LOADED)  # before anything comes that could not be taken meanwhile
+    compiles = None if known is None else _compiling(LOADED)  # before anything comes that could not be taken meanwhile
     with ExitStack() as stack:
         first = recorded is None and _before_others()
         if first:
@@ -148,7 +146,7 @@ def live(
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
         if known is None:
-            _compiling(first)  # while a person is at the wizard
+            _compiling(0.0, first)  # while a person is at the wizard
         publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
         pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
         if server is not None:
@@ -259,9 +257,11 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
             raise pump.failure
 
 
-def _compiling(aside: bool = False) -> Thread:
+def _compiling(seconds: float, aside: bool = False) -> Thread:
+    """What compiles the step, given so many s before anything else is done."""
     thread = Thread(target=_compiled, args=(aside,), name="compiles", daemon=True)
     thread.start()
+    thread.join(seconds)
     return thread
 
 

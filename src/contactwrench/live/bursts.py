@@ -53,7 +53,7 @@ class Bursts:
         return min(before + (self._samples - first) * self._step, arrival)
 
     def _judge(self) -> None:
-        """Whether the last bursts are alike; once they were, all but two: behind one that is held up the next is soon."""
+        """Whether the last bursts are alike; once they were, all but two: one that is held up is two that are not."""
         each = [
             (next_begin - begin, after - before, end - begin)
             for (begin, before, _), (next_begin, after, end) in pairwise(self._begins)
@@ -64,8 +64,9 @@ class Bursts:
         self.period, samples, lasted = (median(values) for values in zip(*each, strict=True))
         self._step = self.period / samples
         alike = [self._is_regular(time) and abs(number - samples) <= REGULAR * samples for time, number, _ in each]
-        steady = sum(alike) >= len(each) - allowed and samples >= FEWEST and lasted <= SHORT * self.period <= SHORT * MOST
-        self.period = self.period if steady else 0.0
+        in_bursts = samples >= FEWEST and lasted <= SHORT * self.period
+        if self.period > MOST or not in_bursts or sum(alike) < len(each) - allowed:
+            self.period = 0.0
 
     def _is_regular(self, time: float) -> bool:
         return abs(time - self.period) <= REGULAR * self.period

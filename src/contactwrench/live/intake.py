@@ -90,7 +90,8 @@ class Intake:
         for by_its_clock, sample in zip(times, batch.samples, strict=True):
             t, doubt = self._timed(by_its_clock, sample)
             self._newest = max(t, self._newest + LEAST_STEP)
-            taken.append((self._newest, sample._replace(flaw=sample.flaw or _broken(sample) or doubt)))
+            flaw = sample.flaw or _broken(sample) or doubt
+            taken.append((self._newest, sample._replace(flaw=flaw) if flaw else sample))
         for _, sample in taken:
             if sample.flaw:
                 self._flawed(sample)
