@@ -134,3 +134,23 @@ def test_the_motion_that_is_kept_is_bounded(robot: bool) -> None:
     assert SECONDS * RATE <= len(streams.wrench) < 2.1 * SECONDS * RATE
     assert len(streams.orientation) == (len(streams.orientation) if robot else 0)
     assert streams.wrench.t[-1] - streams.wrench.t[0] < SECONDS + 3.0
+
+
+def test_a_contact_costs_nothing_while_samples_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the contact has been so far takes a millisecond to compute: for each sample that came late it would have all
+    that follow come late too.
+    """
+    summed = list[float]()
+    monkeypatch.setattr("contactwrench.compensate.compensator.contact_so_far", lambda *_: summed.append(0.0))
+    session, rng = Session(calibration()), np.random.default_rng(0)
+    session.opened("sensor", About("a sensor", wrench=True, orientation=False, rate=1000.0), 0.0)
+    session.opened("robot", About("a robot", wrench=False, orientation=True, rate=100.0), 0.0)
+    for k in range(200):
+        t, push = 0.01 * (k + 1), 20.0 * (k > 150)
+        readings = [
+            Sample(each, each, tuple(NOISE * rng.standard_normal(6) + push), flaw="saturated" * (k > 180))
+            for each in np.linspace(t - 0.009, t, 10).tolist()
+        ]
+        session.feed(Batch(readings), Batch([Sample(t - 0.009, t, orientation=(0.0, 0.0, 0.0, 1.0))]), t=t)
+    assert [event.kind for event in session.events()] == ["connected", "connected", "contact", "saturated"]
+    assert summed == []

@@ -109,7 +109,7 @@ class Runner:
         if not made.valid:
             self._invalid += 1
             self._fault(made)
-        if made.contact is not None or self._touching:
+        if made.contact is not None:
             self._follow(made)
         return made
 
