@@ -25,8 +25,11 @@ START, STEP, LOWEST = 0.21, 0.002, 0.15
 """m of the flange above the base: from where on steps are small, how small, and where the search ends."""
 FELT = 3.0
 """N that a contact must have."""
+LIGHT = "a light touch, or inertia"
+JUDGED = ("free", LIGHT, "contact")
+"""What can be felt, where it is known."""
 LONGEST, SETTLED = 20.0, 0.05
-"""s that the first contact wrench may take; s after each step in which the last readings come."""
+"""s that a contact wrench may take; s after each step in which the last readings come."""
 
 
 class Arm:
@@ -65,8 +68,15 @@ class Arm:
         if not turn.contact.valid[-1]:
             return str(turn.contact.reason[-1])
         if turn.contact.contact[-1] == 1:  # an arm that accelerates feels its tool's inertia: that is no surface
-            return "contact" if np.linalg.norm(turn.contact.wrench[-1, :3]) > FELT else "a light touch, or inertia"
+            return "contact" if np.linalg.norm(turn.contact.wrench[-1, :3]) > FELT else LIGHT
         return "free" if turn.contact.contact[-1] == 0 else "not judged yet"
+
+    def wait(self, *wanted: str) -> str:
+        """Stand until one of these is felt, or for `LONGEST` s at most; what is felt then."""
+        until = time.monotonic() + LONGEST
+        while (felt := self.feel()) not in wanted and time.monotonic() < until:
+            pass
+        return felt
 
     def height(self) -> float:
         """Of the flange above the base, m."""
@@ -88,14 +98,16 @@ class Arm:
 
 
 def guarded_move(arm: Arm) -> str:
-    """Down until contact: what ended it. The way to the start is known to be free."""
-    until = time.monotonic() + LONGEST
-    while (felt := arm.feel()) != "free":
-        if time.monotonic() > until:
-            return f"not begun: {felt}"
+    """Down until contact: what ended it. The way to the start is known to be free. No step is taken blindly: where a
+    computer or a network is busy the arm stands, until it is felt again what is there.
+    """
+    if (felt := arm.wait("free")) != "free":
+        return f"not begun: {felt}"
     arm.go(START, guarded=False)
     for height in np.arange(START, LOWEST, -STEP).tolist():
-        if arm.go(height, guarded=True):
+        if (felt := arm.wait(*JUDGED)) not in JUDGED:
+            return f"ended at {arm.height():.4f} m: {felt}"
+        if felt == "contact" or arm.go(height, guarded=True):
             return f"contact at {arm.height():.4f} m"
     return "no contact"
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
+from threading import Event
 
 import pytest
 
 from contactwrench.errors import InputError
 from contactwrench.live import devices
 from contactwrench.live.source import About, Batch, Sample
+from tests.support.chain import calibration
+from tests.support.devices import free_port
+from tests.support.recordings import run
 
 
 class Sends:
@@ -67,6 +72,21 @@ def test_another_rate_is_refused(rate: float, kept: int, monkeypatch: pytest.Mon
     found = float(begin.removeprefix("sri://x?rate=100: found "))
     assert abs(found - rate) < 0.03 * rate
     assert end == f"ask for it, as in sri://x?rate={found:.0f}"
+
+
+def test_what_is_not_there_is_said_while_the_step_is_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """That takes ten seconds the first time."""
+    compiled = Event()
+    monkeypatch.setattr("contactwrench.cli.live._compiled", lambda _: compiled.wait())
+    monkeypatch.setattr("contactwrench.cli.live.LOADED", 0.01)
+    calibration().save(tmp_path / "cal.json")
+    uri = f"tcp://127.0.0.1:{free_port()}"
+    done = run(capsys, "live", "--sensor", uri, "-c", tmp_path / "cal.json", "--no-page")
+    compiled.set()
+    assert done.status == 2
+    assert done.err.startswith(f"contactwrench: {uri}: found nobody listening at 127.0.0.1 port ")
 
 
 def advice(uri: str, form: str, monkeypatch: pytest.MonkeyPatch) -> str:

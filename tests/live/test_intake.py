@@ -23,7 +23,7 @@ def said(asked: float, *spans: tuple[float, float], burst: float = 0.0) -> list[
     for rate, seconds in spans:
         due += [begin + (k + 1) / rate for k in range(round(rate * seconds))]
         begin += seconds
-    came = [-(-each // burst) * burst if burst else each for each in due]
+    came = [-(-each // burst) * burst if burst else each for each in sorted(due)]
     for before, t in pairwise(0.02 * look for look in range(round(begin / 0.02) + 1)):
         new = came[bisect_right(came, before) : bisect_right(came, t)]
         intake.take(Batch([Sample(each, each, wrench=(0.0,) * 6) for each in new]))

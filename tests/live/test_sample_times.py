@@ -11,9 +11,11 @@ from contactwrench.live.clock import LATE, Clock
 from contactwrench.live.counter import Counter
 from contactwrench.live.history import RATE, SECONDS, Motion
 from contactwrench.live.intake import Intake
+from contactwrench.live.session import Session
 from contactwrench.live.sink import Pose, Reading, Turn
 from contactwrench.live.source import About, Batch, Sample
 from contactwrench.live.uri import source_of
+from tests.support.chain import NOISE, calibration
 from tests.support.live_world import Array
 
 BLOCK = 0.004
@@ -101,6 +103,23 @@ def test_lines_of_two_kinds_have_one_clock() -> None:
     assert [each.arrival - each.device for each in batch.samples] == pytest.approx([0.0] * 30, abs=1e-9)
 
 
+def test_what_waited_when_it_began_makes_no_other_rate() -> None:
+    """The first readings come together, without a time of their own: by these the second from which the noise is
+    learned would last a thousand times as long.
+    """
+    session, rng = Session(calibration()), np.random.default_rng(0)
+    session.opened("sensor", About("a sensor", wrench=True, orientation=False, rate=1000.0), 0.0)
+    session.opened("robot", About("a robot", wrench=False, orientation=True, rate=100.0), 0.0)
+    for k in range(150):
+        t = 0.01 * (k + 1)
+        came = np.linspace(t - 0.009, t, 10).tolist() if k > 3 else [t] * 40 * (k == 3)
+        readings = [Sample(each, wrench=tuple(NOISE * rng.standard_normal(6))) for each in came]
+        turn = session.feed(Batch(readings), Batch([Sample(t - 0.009, t, orientation=(0.0, 0.0, 0.0, 1.0))]), t=t)
+    assert turn.contact is not None
+    assert turn.contact.valid[-1]
+    assert turn.contact.contact[-1] >= 0
+
+
 @pytest.mark.parametrize("robot", [True, False], ids=["both", "robot gone"])
 def test_the_motion_that_is_kept_is_bounded(robot: bool) -> None:
     """Of a sensor four times as fast as what is kept."""
@@ -115,3 +134,23 @@ def test_the_motion_that_is_kept_is_bounded(robot: bool) -> None:
     assert SECONDS * RATE <= len(streams.wrench) < 2.1 * SECONDS * RATE
     assert len(streams.orientation) == (len(streams.orientation) if robot else 0)
     assert streams.wrench.t[-1] - streams.wrench.t[0] < SECONDS + 3.0
+
+
+def test_a_contact_costs_nothing_while_samples_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the contact has been so far takes a millisecond to compute: for each sample that came late it would have all
+    that follow come late too.
+    """
+    summed = list[float]()
+    monkeypatch.setattr("contactwrench.compensate.compensator.contact_so_far", lambda *_: summed.append(0.0))
+    session, rng = Session(calibration()), np.random.default_rng(0)
+    session.opened("sensor", About("a sensor", wrench=True, orientation=False, rate=1000.0), 0.0)
+    session.opened("robot", About("a robot", wrench=False, orientation=True, rate=100.0), 0.0)
+    for k in range(200):
+        t, push = 0.01 * (k + 1), 20.0 * (k > 150)
+        readings = [
+            Sample(each, each, tuple(NOISE * rng.standard_normal(6) + push), flaw="saturated" * (k > 180))
+            for each in np.linspace(t - 0.009, t, 10).tolist()
+        ]
+        session.feed(Batch(readings), Batch([Sample(t - 0.009, t, orientation=(0.0, 0.0, 0.0, 1.0))]), t=t)
+    assert [event.kind for event in session.events()] == ["connected", "connected", "contact", "saturated"]
+    assert summed == []

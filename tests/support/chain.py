@@ -20,7 +20,7 @@ from contactwrench.live.queued import open_sink
 from contactwrench.live.session import Session
 from contactwrench.live.sink import Turn
 from contactwrench.live.snapshot import Event
-from contactwrench.live.source import now
+from contactwrench.live.source import Batch, now
 from contactwrench.live.uri import source_of
 
 from .live_world import Array, LiveWorld
@@ -116,7 +116,7 @@ class Chain:
         readers = {}
         for role, uri in uris.items():
             source = source_of(uri)
-            readers[role] = Reader(source, source.open())
+            readers[role] = Reader(source, source.open(), Batch())
         session = Session(
             calibration() if calibrated else None,
             sensor=uris["sensor"],

@@ -33,7 +33,10 @@ if TYPE_CHECKING:
 
 WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-5
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
-LOOK = 0.1
+LOOK, LOADED = 0.1, 2.0
+"""s from one look for a signal to the next; and in which a step that was compiled before is there: where that takes
+longer the devices are looked at meanwhile, as what is wrong with them is to be said at once.
+"""
 HOST_AND_PORT, MOST_PORT = "HOST:PORT", 65_535
 
 
@@ -116,9 +119,7 @@ def live(
     hub = Hub()
     hands = None if lab is None else Hands(lab, hub)
     sys.setswitchinterval(SWITCH)
-    compiles = find_spec("numba") is not None
-    if known is not None and compiles:
-        _compiled()  # before anything comes that could not be taken meanwhile
+    compiles = None if known is None else _compiling(LOADED)  # before anything comes that could not be taken meanwhile
     with ExitStack() as stack:
         first = recorded is None and _before_others()
         if first:
@@ -127,6 +128,8 @@ def live(
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
         if known is not None and not at_sensor.replay:
             require_devices(known, str(calibration), at_sensor, at_arm)
+        if compiles is not None:
+            compiles.join()
         session = Session(
             known,
             sensor=sources["sensor"].uri,
@@ -142,8 +145,8 @@ def live(
         outlets = tuple(open_sink(sink_of(each), patient=patient) for each in out or ())
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
-        if known is None and compiles:  # while a person is at the wizard
-            Thread(target=_compiled, args=(first,), name="compiles", daemon=True).start()
+        if known is None:
+            _compiling(0.0, first)  # while a person is at the wizard
         publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
         pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
         if server is not None:
@@ -184,7 +187,7 @@ def _read(source: Source, role: str, alone: bool, stack: ExitStack) -> Reader:
     from ..live.pump import Reader
 
     stack.callback(source.close)
-    reader = Reader(source, probed(source, wrench=role == "sensor", orientation=alone or role == "robot"))
+    reader = Reader(source, *probed(source, wrench=role == "sensor", orientation=alone or role == "robot"))
     stack.callback(reader.join)
     stack.callback(reader.stop)  # the last goes first
     return reader
@@ -254,13 +257,22 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
             raise pump.failure
 
 
-def _compiled(aside: bool = False) -> None:
+def _compiling(seconds: float, aside: bool = False) -> Thread:
+    """What compiles the step, given so many s before anything else is done."""
+    thread = Thread(target=_compiled, args=(aside,), name="compiles", daemon=True)
+    thread.start()
+    thread.join(seconds)
+    return thread
+
+
+def _compiled(aside: bool) -> None:
     from ..compensate.runner import compiled
 
     if aside:
         _as_others()
-    compiled()
-    _settle()
+    if find_spec("numba") is not None:
+        compiled()
+        _settle()
 
 
 def _settle() -> None:

@@ -28,7 +28,7 @@ class Rsi(UdpFake):
         signal: where the flange is.
         target: host and port of who answers.
         cycle: 0.004 or 0.012 s.
-        most_late: late answers after which the robot stops.
+        most_late: late answers after which the robot stops, once there was one: a session may be started after the lab.
         more: as of every fake.
 
     Attributes:
@@ -46,9 +46,10 @@ class Rsi(UdpFake):
         self.target, self._most_late = target, most_late
         self._milliseconds = round(1000.0 * cycle)
         self.delays, self.stopped, self.correction = 0, False, np.zeros(6)
-        self._unanswered = b""
+        self._unanswered, self._was_answered = b"", False
 
     def _received(self, data: bytes, address: tuple[str, int]) -> None:
+        self._was_answered = True
         found, correction = IPOC.search(data), CORRECTION.search(data)
         if found and found[1] == self._unanswered and correction:
             self._unanswered, self.correction = b"", np.array(correction.groups(), dtype=np.float64)
@@ -59,7 +60,7 @@ class Rsi(UdpFake):
     def _cycle(self, t: float, number: int) -> bytes:
         from scipy.spatial.transform import Rotation
 
-        self.delays += bool(self._unanswered)
+        self.delays += bool(self._unanswered) and self._was_answered and not self.stopped
         if self.delays > self._most_late:
             self.stopped, self._listener = True, None
         pose = self.signal.pose_at(t)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..model import AXES
 from .intake import Windows
-from .source import About, Source, now
+from .source import About, Batch, EndOfStreamError, Source, now
 
 PROBE = 0.7, 0.2
 """s of a window, and the part by which two of them are to be off; what is less, the session says when it runs."""
@@ -20,8 +21,11 @@ LOOK = 0.1
 """s that a read waits."""
 
 
-def probed(source: Source, *, wrench: bool, orientation: bool) -> About:
+def probed(source: Source, *, wrench: bool, orientation: bool) -> tuple[About, Batch]:
     """Open a source, and make sure that it gives what is wanted as fast as it was asked to.
+
+    Returns:
+        What it says of itself, and what came meanwhile.
 
     Raises:
         DeviceError: it does not answer, or is another device.
@@ -35,21 +39,25 @@ def probed(source: Source, *, wrench: bool, orientation: bool) -> About:
         ):
             if wanted and not given:
                 raise InputError(f"{source.uri}: found no {what}, expected one: name another device for that")
-        _require_rate(source, about)
+        return about, _at_its_rate(source, about)
     except BaseException:
         source.close()
         raise
-    return about
 
 
-def _require_rate(source: Source, about: About) -> None:
-    if about.rate is None or about.rate < LEAST_RATE or about.replay:  # of a recording what is read is gone
-        return
-    windows, samples, heard = Windows(about.rate, *PROBE), 0, now()
-    while not windows.right and windows.counted < 2 and now() - heard < SILENCE:
-        if batch := source.read(LOOK).samples:
-            heard, samples = batch[-1].arrival, samples + len(batch)
-            windows.look(samples, heard)
+def _at_its_rate(source: Source, about: About) -> Batch:
+    """What comes while the samples are counted."""
+    came = Batch()
+    if about.rate is None or about.rate < LEAST_RATE or about.replay:
+        return came
+    windows, heard = Windows(about.rate, *PROBE), now()
+    with suppress(EndOfStreamError):
+        while not windows.right and windows.counted < 2 and now() - heard < SILENCE:
+            batch = source.read(LOOK)
+            came.add(batch)
+            if batch.samples:
+                heard = batch.samples[-1].arrival
+                windows.look(len(came.samples), heard)
     if windows.off:
         place, _, query = source.uri.partition("?")
         others = [option for option in query.split("&") if option and not option.startswith("rate=")]
@@ -59,6 +67,7 @@ def _require_rate(source: Source, about: About) -> None:
             f"{source.uri}: found {windows.rate:.0f} samples a second, expected {about.rate:.0f}: set that rate in the "
             "device" + f", or ask for it, as in {place}?{asked}" * takes_one
         )
+    return came
 
 
 def with_devices(calibration: Calibration, sensor: About, robot: About) -> Calibration:

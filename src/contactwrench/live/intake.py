@@ -10,6 +10,7 @@ from itertools import pairwise
 from math import inf, isfinite, isnan
 
 from ..samples.samples import LARGEST_READING
+from .bursts import Bursts
 from .clock import LATE, Clock
 from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
@@ -24,14 +25,18 @@ GAP = 3.0
 """Periods without a sample, and `LATE` at the least, behind which, for `LATE`, one that has no time of its own may have
 been taken before the gap, and waited: its arrival is no time then.
 """
-LEAST_STEP = 1e-6
-"""s from one sample to the next: time goes on."""
+LEAST_STEP, BEHIND = 1e-6, 1e-4
+"""s from one sample to the next: time goes on; and s by which one may lie before the last one, all the same: behind
+more the last one came so late that the time of neither is known.
+"""
 SURELY, SOON = (0.5, 0.1), (0.12, 0.3)
 """s of a window, and the part by which two of them are to be off: a rate that is far off is not waited for longer."""
 FEWEST = 10
 """Samples that are to come in a window, which is longer for a slow device: one more or less makes no other rate."""
 RIGHT = 0.5
 """Of the part by which a rate is off: within it, it is right again. One at the limit is not said over and over so."""
+
+AMONG = "late: those before it came so late that its time lies among theirs"
 
 CONNECTING, STREAMING, QUIET, DOWN = "connecting", "streaming", "silent", "down"
 
@@ -44,14 +49,15 @@ class Intake:
         self.about: About | None = None
         self.state, self.text = CONNECTING, ""
         self.clock = Clock()
-        self._rate = Rate(None, -inf)
+        self._rate, self._bursts, self._in_bursts = Rate(None, -inf), Bursts(), False
         self.samples = self.lost = self.repeated = self.wrong = 0
         self._newest = self._arrived = self._resumed = -inf
         self._usual, self._gap = inf, 0.0
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
-        self._noted = -inf
+        self._noted = self._late = self._settled = -inf
+        self._has_time = False
 
     def opened(self, about: About, t: float) -> Event:
         """The device is there."""
@@ -60,6 +66,7 @@ class Intake:
         self._last = dict.fromkeys(self._last, t)
         self._rate = Rate(None if about.replay else about.rate, t + BACKLOG)  # a recording is played at any
         self.clock.reset()
+        self._bursts, self._in_bursts, self._settled = Bursts(), False, t + BACKLOG
         settings = "".join(f"; {name}: {value}" for name, value in about.settings.items())
         return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected{settings}")
 
@@ -80,41 +87,57 @@ class Intake:
         anew = [note.before for note in batch.notes if note.kind is NoteKind.RESTARTED]
         times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples], anew)
         taken = []
-        for t, sample in zip(times, batch.samples, strict=True):
+        for by_its_clock, sample in zip(times, batch.samples, strict=True):
+            t, doubt = self._timed(by_its_clock, sample)
             self._newest = max(t, self._newest + LEAST_STEP)
-            taken.append((self._newest, self._judged(t, sample)))
+            flaw = sample.flaw or _broken(sample) or doubt
+            taken.append((self._newest, sample._replace(flaw=flaw) if flaw else sample))
         for _, sample in taken:
             if sample.flaw:
-                self.wrong += 1
-                self._note(sample.flaw.partition(":")[0], 1, sample.flaw)
+                self._flawed(sample)
             for what in self._last:
                 if sample.flaw or getattr(sample, what) is not None:
                     self._last[what] = sample.arrival
         self.samples += len(taken)
         return taken
 
-    def _judged(self, t: float, sample: Sample) -> Sample:
-        """A sample, taken at `t` s, with its flaw: numbers that are none, or a time that is not to be believed."""
+    def _timed(self, t: float, sample: Sample) -> tuple[float, str]:
+        """When a sample was taken, s, which is `t` by its own clock; and why that is not to be believed, or nothing."""
         gap, self._arrived = sample.arrival - self._arrived, sample.arrival
+        plays = self.about is not None and self.about.replay
+        within_burst = None if plays else self._bursts.taken(sample.arrival)
         if max(LATE, GAP * self._usual) < gap < inf:
             self._resumed, self._gap = sample.arrival, gap
-        late = sample.arrival - t
-        if sample.flaw:
-            return sample
-        if sample.wrench is not None and not all(abs(each) <= LARGEST_READING for each in sample.wrench):
-            return sample._replace(flaw="broken: no number")
-        if sample.orientation is not None and not isfinite(sum(sample.orientation)):
-            return sample._replace(flaw="broken: no number")
-        if isnan(sample.device) and sample.arrival - self._resumed < LATE:
-            return sample._replace(flaw=f"late: nothing for {self._gap:.2f} s before it, and no time of its own")
-        return sample._replace(flaw=f"late: came {late:.2f} s after it was taken") if late > LATE else sample
+        self._has_time = not isnan(sample.device)
+        if self._has_time:
+            late = sample.arrival - t
+            is_whole = sample.wrench is not None and sample.orientation is not None  # of one moment, whichever it is
+            if late > LATE + self._bursts.period and not is_whole:
+                return t, f"late: came {late:.2f} s after it was taken"
+            return t, "" if plays or self._newest - t < BEHIND else AMONG
+        if within_burst is not None:
+            return within_burst, ""
+        waited = sample.arrival - self._resumed < LATE
+        return t, f"late: nothing for {self._gap:.2f} s before it, and no time of its own" if waited else ""
+
+    def _flawed(self, sample: Sample) -> None:
+        """Note a sample with a flaw; of those that are late the first, and what comes with it."""
+        self.wrong += 1
+        kind, is_again = sample.flaw.partition(":")[0], False
+        if kind == NoteKind.LATE:
+            if sample.flaw == AMONG and sample.arrival < self._settled:
+                return
+            is_again = sample.arrival - self._late < SILENT and kind not in self._notes
+            self._late = sample.arrival
+        if not is_again:
+            self._note(kind, 1, sample.flaw)
 
     def look(self, t: float) -> list[Event]:
         """What there is to say at `t` s: silence and its end, a rate that was not asked for, what was noted."""
         events = []
         rate = self._rate.hz or (self.about and self.about.rate)
         self._usual = 1.0 / rate if rate else self._usual
-        usual = max(SILENT, PERIODS / rate) if rate else SILENT
+        usual = max(SILENT, PERIODS / rate if rate else 0.0, 2.0 * self._bursts.period)
         what, last = min(self._last.items(), key=lambda item: item[1])
         if self.state == STREAMING and t - last > usual:
             missing = "nothing" if last == max(self._last.values()) else f"no {what}"
@@ -127,6 +150,9 @@ class Intake:
         if self.state == STREAMING and (found := self._rate.look(self.samples, self._arrived)) is not None:
             come = f"{found:.4g} samples a second come, {self._rate.asked:.4g} were asked for"
             events.append(self._event(t, "rate", "warning", f"{come}: check its settings and the network"))
+        if bool(self._bursts.period) is not self._in_bursts:
+            self._in_bursts = not self._in_bursts
+            events.append(self._of_bursts(t))
         if self._notes and t - self._noted >= NOTES_EVERY:
             self._noted = t
             for kind, (number, text) in self._notes.items():
@@ -134,6 +160,14 @@ class Intake:
                 events.append(self._event(t, kind, "warning", many))
             self._notes.clear()
         return events
+
+    def _of_bursts(self, t: float) -> Event:
+        if not self._in_bursts:
+            return self._event(t, "bursts", "note", "samples come evenly again")
+        spread = "" if self._has_time else "they have no time of their own and are spread evenly, "
+        come = f"samples come in bursts, {1e3 * self._bursts.period:.0f} ms from one to the next: {spread}"
+        told = "each contact wrench is told up to so much later: let the device send each sample at once"
+        return self._event(t, "bursts", "warning", come + told)
 
     def _note(self, kind: str, number: int, text: str) -> None:
         before, _ = self._notes.get(kind, (0, ""))
@@ -162,6 +196,13 @@ class Intake:
             age,
             max(self.clock.lateness, 0.0) if self.samples else None,
         )
+
+
+def _broken(sample: Sample) -> str:
+    """The flaw of numbers that are none."""
+    wrench, orientation = sample.wrench or (), sample.orientation or ()
+    fine = all(abs(each) <= LARGEST_READING for each in wrench) and isfinite(sum(orientation))
+    return "" if fine else "broken: no number"
 
 
 class Windows:

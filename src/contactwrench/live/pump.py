@@ -67,18 +67,26 @@ class Reader:
     Args:
         source: open already.
         about: what it said.
+        early: what has come already.
     """
 
-    def __init__(self, source: Source, about: About) -> None:
+    def __init__(self, source: Source, about: About, early: Batch) -> None:
         self._source, self.about = source, about
         self._news: deque[News] = deque()
         self._stop = Event()
         self.wake: SimpleQueue[None] = SimpleQueue()
         """Gets something whenever something came."""
         self._given = self._taken = self._full = 0
-        self.ended = False
+        self._ended = False
+        self._put(about)
+        self._put(early)
         self._thread = Thread(target=self._run, name=f"reads {source.uri}", daemon=True)
         self._thread.start()
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will come, and all that came was taken."""
+        return self._ended and not self._news
 
     def news(self) -> list[News]:
         """What came since the last call, at most until the device went, or came back: its clock begins anew then."""
@@ -107,12 +115,13 @@ class Reader:
         about: About | None = self.about
         while not self._stop.is_set():
             try:
-                about = about or self._source.open()
-                self._put(about)
+                if about is None:
+                    about = self._source.open()
+                    self._put(about)
                 self._read(about)
             except EndOfStreamError as error:
-                self.ended = True
                 self._put(str(error))
+                self._ended = True
                 return
             except ContactWrenchError as error:
                 self._put(str(error))
@@ -191,7 +200,7 @@ class Pump:
         try:
             while not self._stop.is_set():
                 self._pause()
-                ended = all(reader.ended for reader in self._readers.values())
+                ended = self._readers["sensor"].ended
                 self._turn(now())
                 if ended:
                     break

@@ -25,7 +25,7 @@ from .pose_feed import NEEDED, PoseFeed
 from .pose_track import UNKNOWN
 from .sink import Reading
 from .snapshot import Contact, Running
-from .source import Four, Sample, Six
+from .source import About, Four, Sample, Six
 
 CONTACTS_SHOWN = 20
 ZERO_OVER = 0.5
@@ -34,6 +34,7 @@ OF_SENSOR, OF_ROBOT = ("stuck", "overload"), ("stale", "frozen", "no_motion")
 """Why contact wrenches are not valid, or what is not subtracted, by the device whose fault it is, where that does not
 say so itself.
 """
+NOTHING_KNOWN = About("a sensor", wrench=True, orientation=False)
 SAID_AGAIN = 1.0
 """s without the fault before it is said again."""
 SUBTRACTED = "the tool's inertia is subtracted: the robot's poses tell how the arm moves"
@@ -59,12 +60,19 @@ class Options:
 
 
 class Runner:
-    """A calibration at work, on readings as the device gives them times `sign`."""
+    """A calibration at work, on readings as the device gives them times `sign`; `sensor`: what it says of itself."""
 
-    def __init__(self, calibration: Calibration, sign: float, options: Options, ranges: Six | None) -> None:
+    def __init__(self, calibration: Calibration, sign: float, options: Options, sensor: About | None) -> None:
         self.calibration, self.sign = calibration, sign
-        given: dict[str, Any] = {"lowpass": options.lowpass, "drift": options.drift, "ranges": ranges or options.ranges}
-        self._compensator = Compensator(calibration, delay=0.0, **given)
+        known = sensor if sensor is not None and not sensor.replay else NOTHING_KNOWN
+        self._compensator = Compensator(
+            calibration,
+            delay=0.0,
+            rate=known.rate,  # by the first stamps it would be that of what waited, where a network is busy
+            lowpass=options.lowpass,
+            drift=options.drift,
+            ranges=known.ranges or options.ranges,
+        )
         self.delay = delay_of(calibration)
         """s by which the wrench is stamped later than the orientation that goes with it."""
         dynamics = calibration.dynamics
@@ -101,7 +109,7 @@ class Runner:
         if not made.valid:
             self._invalid += 1
             self._fault(made)
-        if made.contact is not None or self._touching:
+        if made.contact is not None:
             self._follow(made)
         return made
 

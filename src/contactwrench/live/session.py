@@ -97,7 +97,7 @@ class Session:
         """The `sensor`, or the `robot`, is there."""
         unknown = self._sensor.about is None
         self._say(self._intake(role).opened(about, t))
-        if unknown and self._sensor.about is not None and self._runner is not None:  # now its ranges are known
+        if unknown and self._sensor.about is not None and self._runner is not None:  # now its rate and ranges are known
             self._run(self._runner.calibration, self._runner.sign)
 
     def down(self, role: str, text: str, t: float) -> None:
@@ -202,10 +202,9 @@ class Session:
             self._runner = None
 
     def _run(self, calibration: Calibration, sign: float) -> None:
-        about = self._sensor.about
         self._motion = Motion()
         self._trace.clear()
-        self._runner = Runner(calibration, sign, self._options, None if about is None else about.ranges)
+        self._runner = Runner(calibration, sign, self._options, self._sensor.about)
 
     def _save_calibration(self, t: float) -> None:
         if self._save is not None and self.calibration is not None:

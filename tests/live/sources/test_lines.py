@@ -16,7 +16,7 @@ from contactwrench.live.sources.lines import LinesDecoder
 from contactwrench.live.uri import source_of
 from contactwrench.recording.tables.columns import Naming
 from tests.live.sources.test_sri_decoder import pieces_of
-from tests.support.devices import refusal
+from tests.support.devices import free_port, refusal
 
 WRENCH = "fx,fy,fz,tx,ty,tz"
 
@@ -141,4 +141,38 @@ def test_a_closed_standard_input_has_ended(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr("sys.stdin", None)
     assert refusal(source_of("stdin:")) == (
         "stdin:: found its end, expected more lines: keep the program that writes them running"
+    )
+
+
+SUCH = (
+    'expected lines such as {"t": 0.001, "fx": 0, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0, "qx": 0, "qy": 0, '
+    '"qz": 0, "qw": 1}, or CSV below a header: '
+)
+NAME_SO = "name what it sends so, or state ?columns=t,fx,fy,fz,tx,ty,tz,.."
+
+
+@pytest.mark.parametrize(
+    ("sent", "said"),
+    [
+        (b'{"force": 1}\n', f"""found the line '{{"force": 1}}', {SUCH}{NAME_SO}"""),
+        (b"1,2,3,4,5,6\n", f"found the line '1,2,3,4,5,6', {SUCH}{NAME_SO}"),
+        (b"\xaaU" * 40, f"found the line '{'ªU' * 30}', {SUCH}{NAME_SO}"),
+        (b"", f"found nothing, {SUCH}let the program write lines, and flush each of them"),
+    ],
+    ids=["other names", "no header", "no lines", "nothing"],
+)
+def test_what_comes_in_place_of_lines_is_shown(sent: bytes, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contactwrench.live.sources.transport.PATIENCE", 0.2)
+    to_read, to_write = os.pipe()
+    with io.FileIO(to_read) as stdin, io.FileIO(to_write, "w"):
+        monkeypatch.setattr("sys.stdin", stdin)
+        os.write(to_write, sent)
+        assert refusal(source_of("stdin:")) == f"stdin:: {said}"
+
+
+def test_a_port_that_nobody_sends_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contactwrench.live.sources.transport.PATIENCE", 0.2)
+    port = free_port()
+    assert refusal(source_of(f"udp://:{port}")) == (
+        f"udp://:{port}: found nothing, {SUCH}let the sender send to port {port} of this computer"
     )

@@ -21,13 +21,14 @@ from scipy.spatial.transform import Rotation
 from contactwrench.geometry.orientation import CONVENTIONS
 from contactwrench.geometry.quaternions import from_kuka_abc
 from contactwrench.lab.netft import NetFt
+from contactwrench.lab.rsi import Rsi
 from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind
 from contactwrench.live.sources import ft300, netft, rsi
 from contactwrench.live.sources.ros2 import Ros2
 from contactwrench.live.uri import parsed, source_of
 from tests.live.sources.test_sri_decoder import pieces_of
-from tests.support.devices import KINDS, answering, numbered, read, refusal
+from tests.support.devices import KINDS, LOCALHOST, answering, free_port, numbered, read, refusal
 
 angle = st.floats(-360.0, 360.0)
 
@@ -170,7 +171,7 @@ def test_a_serial_line_gives_what_it_can() -> None:
     thread.start()
     source = source_of(f"ft300://{os.ttyname(line)}")
     try:
-        assert probed(source, wrench=True, orientation=False).rate is None
+        assert probed(source, wrench=True, orientation=False)[0].rate is None
         assert source.read(0.5).samples[0].wrench == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     finally:
         source.close()
@@ -201,3 +202,16 @@ def test_any_bytes_are_read(data: bytes) -> None:
 def test_an_option_that_is_none_is_refused(uri: str) -> None:
     with pytest.raises(ValueError, match="expected"):
         source_of(uri)
+
+
+def test_the_robot_of_the_lab_waits_for_a_session() -> None:
+    """Of which the first was late by all of the time that a person takes to start it."""
+    with Rsi(numbered(), (LOCALHOST, free_port())) as robot:
+        sleep(0.7)
+        source = source_of(robot.uri)
+        source.open()
+        assert source.read(0.5).samples
+        assert not robot.stopped
+        source.close()
+        sleep(0.7)
+        assert robot.stopped

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
 from math import nan
 from typing import Any
 
 import msgspec
 
-from ...errors import InputError
+from ...errors import InputError, visible
 from ...recording.tables.columns import Naming
 from ...recording.tables.layout import cells, layout_of
-from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, Note, NoteKind, now
+from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
 from .reader import AnyLink, Reader
 from .transport import Deadline, StandardInput, Tcp, Udp
 
-LONGEST = 65_536
-"""Bytes of a line."""
+LONGEST, SHOWN = 65_536, 60
+"""Bytes of a line, and of one that is shown."""
 MOST_KINDS = 16
 """Sets of names that are remembered."""
 OTHERS = 0.3
@@ -41,22 +42,25 @@ class LinesDecoder:
     """
 
     def __init__(self, naming: Naming, rate: float | None, columns: Sequence[str] = (), whole: bool = False) -> None:
-        self._naming, self._rate, self._whole, self._buffer = naming, rate, whole, b""
+        self._naming, self._rate, self._whole, self.rest = naming, rate, whole, b""
         self._kinds: dict[tuple[str, ...], NamedColumns] = {}
         self._csv: NamedColumns | None = self._kind(tuple(columns)) if columns else None
         self._separator = ""
+        self.refused = b""
+        """The last line that was no sample; `rest` is what has no end yet."""
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
         """Put what is whole into the batch, and keep the rest."""
-        *lines, self._buffer = (self._buffer + data + (b"\n" if self._whole else b"")).split(b"\n")
-        if len(self._buffer) > LONGEST:
-            lines, self._buffer = [*lines, self._buffer[:LONGEST]], b""
+        *lines, self.rest = (self.rest + data + (b"\n" if self._whole else b"")).split(b"\n")
+        if len(self.rest) > LONGEST:
+            lines, self.rest = [*lines, self.rest[:LONGEST]], b""
         kind: NamedColumns | None = None
         rows: list[Sequence[float]] = []
         for line in filter(None, map(bytes.strip, lines)):
             try:
                 of, row = self._row(line)
             except (InputError, ValueError):
+                self.refused = line
                 batch.notes.append(Note(NoteKind.GARBAGE, f"a line of {len(line)} bytes that is no sample", len(line)))
                 continue
             if of is not kind and kind is not None:
@@ -150,15 +154,27 @@ class _Lines(Reader[AnyLink]):
         self._connect(deadline)
         decoder = self._fresh()
         self._begin(decoder)
-        early = self._first(deadline, self._link.silent(EXPECTED))
+        try:
+            early = self._first(deadline, self._silent())
+        except DeviceError:
+            if not (line := (decoder.refused or decoder.rest)[:SHOWN]):
+                raise
+            found = f"the line {visible(line.decode('latin-1'))!r}"
+            do = "name what it sends so, or state ?columns=t,fx,fy,fz,tx,ty,tz,.."
+            raise self._link.error(found, EXPECTED, do) from None
         others = self._link.deadline(OTHERS)
-        while others.left and not (_any(early, "wrench") and _any(early, "orientation")):
-            for data in self._link.receive(others.left):
-                decoder.feed(data, now(), early)
+        with suppress(DeviceError):  # lines that end so soon are lines all the same
+            while others.left and not (_any(early, "wrench") and _any(early, "orientation")):
+                for data in self._link.receive(others.left):
+                    decoder.feed(data, now(), early)
         wrench, orientation = _any(early, "wrench"), _any(early, "orientation")
         name = f"lines of {self.uri.partition('?')[0]}"
         settings = {"pose": TAKEN_FOR_THE_FLANGE} if orientation else {}
         return About(name, wrench, orientation, self._rate, settings=settings, listens=self.WHOLE)
+
+    def _silent(self) -> DeviceError:
+        """What is raised where nothing comes."""
+        return self._link.silent(EXPECTED)
 
     def _fresh(self) -> LinesDecoder:
         return LinesDecoder(self._naming, self._rate, self._columns, self.WHOLE)
@@ -186,6 +202,9 @@ class UdpLines(_Lines[Udp]):
     def _connect(self, deadline: Deadline) -> None:
         self.port = self._link.bind(self._at[0], self._at[1] or 0)
 
+    def _silent(self) -> DeviceError:
+        return self._link.error("nothing", EXPECTED, f"let the sender send to port {self.port} of this computer")
+
 
 class TcpLines(_Lines[Tcp]):
     """A server."""
@@ -211,3 +230,6 @@ class StdinLines(_Lines[StandardInput]):
 
     def _connect(self, deadline: Deadline) -> None:
         self._link.start()
+
+    def _silent(self) -> DeviceError:
+        return self._link.error("nothing", EXPECTED, "let the program write lines, and flush each of them")

@@ -42,7 +42,9 @@ class Reader(Generic[AnyLink]):
     def read(self, timeout: float) -> Batch:
         """As `Source`."""
         batch, self._early = self._early, Batch()
-        data = self._link.receive(0.0 if batch.samples else timeout)
+        if batch.samples:
+            return batch
+        data = self._link.receive(timeout)
         arrival = now()
         for each in data:
             self._decoder.feed(each, arrival, batch)

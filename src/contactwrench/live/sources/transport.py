@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any
 
 from ...errors import visible
-from ..source import DeviceError
+from ..source import DeviceError, EndOfStreamError
 
 PATIENCE, TO_CONNECT = 2.5, 1.0
 """s that a device may take to connect and to answer, all of it together; and to connect: a question that was lost is
@@ -253,14 +253,14 @@ class StandardInput(Link):
     """What another program writes."""
 
     def start(self) -> None:
-        """Begin. Raises `DeviceError`: it is closed."""
+        """Begin. Raises `EndOfStreamError`: it is closed."""
         if sys.stdin is None:
             raise self._ended()
         with self._lock:
             self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0), selectors.SelectSelector())
 
     def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: it has ended."""
+        """What has come; nothing in silence, and after `close`. Raises `EndOfStreamError`."""
         with self._lock:
             if not self._ready(selectors.EVENT_READ, timeout):
                 return []
@@ -269,5 +269,5 @@ class StandardInput(Link):
             raise self._ended()
         return [data]
 
-    def _ended(self) -> DeviceError:
-        return self.error("its end", "more lines", "keep the program that writes them running")
+    def _ended(self) -> EndOfStreamError:
+        return EndOfStreamError(str(self.error("its end", "more lines", "keep the program that writes them running")))
