@@ -17,8 +17,8 @@ from tests.fuzz.runs import Run
 ROOT = Path(__file__).parents[2]
 GROUPS = (("ROS 1", "JSON", "URDF"), ("MCAP", "sqlite3", "folder"), ("CSV", "Parquet", "HDF5"))
 MUTATIONS = 6
-"""Of each kind, so that each of its variants is damaged: a quarter of a minute in all. Hostile files have tests of their
-own.
+"""Of each kind, so that each of its variants is damaged: a quarter of a minute in all. Hostile files have tests of
+their own.
 """
 
 

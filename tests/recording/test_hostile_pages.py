@@ -70,7 +70,9 @@ PAGES: dict[str, tuple[Callable[[], tuple[Chunk, ...]], int, str]] = {
         "1000000027 numbers",
     ),
     "a list of a milliard in one row": (
-        lambda: (Chunk("list", (ONE, Page(0, MANY, RLE_DICTIONARY, ROW_OF_MANY, len(ROW_OF_MANY))), 3, 100, repetition=2),),
+        lambda: (
+            Chunk("list", (ONE, Page(0, MANY, RLE_DICTIONARY, ROW_OF_MANY, len(ROW_OF_MANY))), 3, 100, repetition=2),
+        ),
         3,
         "1000000041 numbers in pages",
     ),
