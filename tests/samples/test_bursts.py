@@ -159,13 +159,13 @@ def test_a_recording_is_calibrated_as_if_it_had_come_evenly(tmp_path: Path, each
 def test_a_table_of_rows_that_have_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Calibrated as if it had come evenly; compensated, the stamps stay as they were written."""
     rig, _, rng = example(8)
-    went = stop_and_go(rig, rng, 250.0)
+    went = stop_and_go(rig, rng, 100.0)
     stamps = handed_on(went.t, 0.2, rng)
     rows = np.column_stack([stamps, went.wrench, went.R_base_flange.reshape(-1, 9)])
     path, tool = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), rows), "run.csv"), tmp_path / "tool.json"
     done = run(capsys, "calibrate", path, "-o", tool)
     assert done.status == 0
-    assert "Note: the recording came in bursts of 50 rows each 200 ms: spread evenly between them" in done.err
+    assert "Note: the recording came in bursts of 20 rows each 200 ms: spread evenly between them" in done.err
     known = cw.Calibration.load(tool)
     as_arrays = cw.calibrate(replace(cw.read(path), t=stamps))
     assert pytest.approx(known.B, abs=1e-9) == as_arrays.B
