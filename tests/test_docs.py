@@ -34,6 +34,7 @@ import pytest
 import contactwrench
 from contactwrench.cli.main import main
 from tests.support.brands import BRANDS, EXAMPLES
+from tests.support.recordings import program
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -177,7 +178,7 @@ def run_command(source: str, out: io.StringIO) -> int:
     sys.argv = shlex.split(source.removeprefix("$ "))
     try:
         with redirect_stdout(out), redirect_stderr(out):
-            main()
+            main(program())
     except SystemExit as end:
         return int(end.code or 0)
     finally:

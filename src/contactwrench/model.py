@@ -72,8 +72,10 @@ def parameters_of(tool: RigidTool, yaw: float, names: tuple[str, ...]) -> Array:
 def horizontal_axes(gravity_direction: Array) -> tuple[Array, Array]:
     """Two unit vectors a, b (base axes) that complete `gravity_direction` to a right-handed base (a, b, d)."""
     x, y, z = gravity_direction.tolist()
-    across = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))[int(np.argmin(np.abs(gravity_direction)))]
-    p, q, r = (part / math.hypot(*across) for part in across)
+    sizes = [abs(x), abs(y), abs(z)]
+    across = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))[sizes.index(min(sizes))]
+    length = math.hypot(*across)
+    p, q, r = (part / length for part in across)
     return np.array([p, q, r]), np.array([y * r - z * q, z * p - x * r, x * q - y * p])
 
 

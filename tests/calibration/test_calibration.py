@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from contactwrench.calibration.text import verdict_sentences
 from contactwrench.statistics import two_digits
 from tests.support.recordings import PANDA
 from tests.support.rigs import NOISE, example, noise_free, noisy, samples_of_a_design
-from tests.support.world import DOWN, Array, cramer_rao, derivatives, random_rotations, readings, tilted_down
+from tests.support.world import DOWN, Array, Rig, cramer_rao, derivatives, random_rotations, readings, tilted_down
 
 MODELS = ("paper", "yaw", "mount", "mount+base", "affine")
 
@@ -128,12 +129,17 @@ def test_covariance_of_b_gives_the_same_std_of_the_wrench(model: str) -> None:
         assert np.abs(off).max() < 2e-4
 
 
+@cache
+def _of_a_design() -> tuple[Rig, list[cw.Calibration]]:
+    rig, R, rng = example(6, poses=10)
+    return rig, [cw.calibrate(samples, "mount", noise=NOISE) for samples in samples_of_a_design(rig, R, 64, rng)]
+
+
 @pytest.mark.slow
 def test_std_of_the_wrench_covers_the_error_of_the_prediction() -> None:
-    rig, R, rng = example(6, poses=10)
-    unseen, squared = random_rotations(20, rng), []
-    for samples in samples_of_a_design(rig, R, 64, rng):
-        calibration = cw.calibrate(samples, "mount", noise=NOISE)
+    rig, calibrations = _of_a_design()
+    unseen, squared = random_rotations(20, np.random.default_rng(6)), []
+    for calibration in calibrations:
         squared.append(((calibration.predict(unseen) - readings(rig, unseen)) / calibration.wrench_std(unseen)) ** 2)
     assert np.mean(squared) == pytest.approx(1.0, abs=0.2)
 
@@ -165,10 +171,8 @@ def test_yaw_of_a_tilted_and_of_a_flipped_sensor() -> None:
 
 @pytest.mark.slow
 def test_std_of_yaw_is_that_of_monte_carlo() -> None:
-    rig, R, rng = example(9, poses=10)
     yaws, stds = [], []
-    for samples in samples_of_a_design(rig, R, 64, rng):
-        calibration = cw.calibrate(samples, "mount", noise=NOISE)
+    for calibration in _of_a_design()[1]:
         assert calibration.yaw is not None
         yaws.append(calibration.yaw)
         stds.append(calibration.std["yaw"])

@@ -94,11 +94,11 @@ def test_a_step_before_the_last_poses_is_in_the_std_of_the_bias_and_never_good(l
 @pytest.mark.slow
 def test_a_bias_that_stays_is_hardly_ever_said_to_move() -> None:
     moved = 0
-    for seed in range(40):
+    for seed in range(20):
         rig, R, rng = example(500 + seed, poses=12)
         samples = cw.Samples(noisy_readings(rig, R, NOISE, rng), R, t=10.0 * np.arange(12.0))
         moved += any(finding.kind in OF_BIAS for finding in cw.calibrate(samples, "mount").findings)
-    assert moved <= 2
+    assert moved <= 1
 
 
 def _only(columns: Array, strength: float) -> Kernels:

@@ -82,12 +82,12 @@ def test_an_exactly_nominal_cell_profits_from_it() -> None:
     rng = np.random.default_rng(8)
     unseen = random_rotations(40, rng)
     squares = {"auto": 0.0, "yaw": 0.0, "mount+base": 0.0}
-    for _ in range(18):
+    for _ in range(12):
         rig, _, _ = example(int(rng.integers(10_000)))
         rig = replace(rig, weight=6.0, R_flange_sensor=Rotation.from_euler("z", rng.uniform(-3.0, 3.0)).as_matrix())
         samples = cw.Samples(noisy_readings(rig, SPREAD, NOISE, rng), SPREAD)
         for model in squares:
             off = (cw.calibrate(samples, model).predict(unseen) - readings(rig, unseen))[:, :3]
-            squares[model] += float(np.mean(off**2)) / 18.0
+            squares[model] += float(np.mean(off**2)) / 12.0
     assert squares["auto"] < 1.25**2 * squares["yaw"]
     assert squares["auto"] < squares["mount+base"]

@@ -34,7 +34,7 @@ def test_a_thousand_rows_a_pose_with_pose_errors_are_no_surer_than_one() -> None
 def test_errors_have_the_stated_size_on_repeated_rows() -> None:
     rig, R, rng = example(2, poses=14)
     z = []
-    for _ in range(40):
+    for _ in range(24):
         calibration = cw.calibrate(_repeated(rig, R, NOISE, 2.0 * NOISE, 8, rng), "mount")
         error = np.r_[calibration.weight, calibration.com, calibration.bias] - np.r_[rig.weight, rig.com, rig.bias]
         z.append(error / np.sqrt(np.diag(calibration.covariance)[:10]))

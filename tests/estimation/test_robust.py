@@ -93,14 +93,14 @@ def test_the_same_offset_in_every_axis_alone_is_found() -> None:
 @pytest.mark.parametrize("poses", [6, 12, 24])
 def test_clean_recordings_lose_hardly_a_pose_and_no_bias_moves(poses: int) -> None:
     lost = moved = 0
-    for seed in range(30):
+    for seed in range(15):
         rig, _, rng = _rig(seed)
         R = random_rotations(poses, rng)
         calibration = cw.calibrate(noisy(rig, R, rng), "mount")
         lost += bool(_left_out(calibration))
         moved += bool(_of_bias(calibration))
-    assert lost <= 5
-    assert moved <= 1
+    assert lost <= 2
+    assert moved == 0
 
 
 @pytest.mark.parametrize("seed", range(4, 10))

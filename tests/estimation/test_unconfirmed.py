@@ -132,9 +132,9 @@ def _calibrated_before(seed: int) -> tuple[Rig, cw.Calibration, np.random.Genera
 
 @pytest.mark.parametrize("heavier", [1.0, 1.02])
 def test_poses_are_held_against_an_earlier_calibration_as_verify_does(heavier: float) -> None:
-    """Of twenty recordings of four poses each."""
+    """Of twelve recordings of four poses each."""
     agree, passed = [], []
-    for seed in range(20):
+    for seed in range(12):
         rig, earlier, rng = _calibrated_before(100 + seed)
         other = replace(rig, weight=heavier * rig.weight, bias=rig.bias + rng.normal(size=6))
         samples = noisy(other, random_rotations(4, rng), rng)
@@ -144,7 +144,7 @@ def test_poses_are_held_against_an_earlier_calibration_as_verify_does(heavier: f
         agree.append(not _of(calibration, Kind.CONTRADICTS_PRIOR))
         passed.append(shift.rest_probability >= 0.01)
     assert agree == passed
-    assert sum(passed) >= 19 if heavier == 1.0 else sum(passed) <= 2
+    assert sum(passed) >= 11 if heavier == 1.0 else sum(passed) <= 1
 
 
 @pytest.mark.parametrize("stated", [True, False])

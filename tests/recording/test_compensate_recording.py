@@ -140,7 +140,7 @@ def test_without_the_delay_gravity_is_left_over(tmp_path: Path, calibration: Cal
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rows", [23, 640])
+@pytest.mark.parametrize("rows", [83, 640])
 @pytest.mark.parametrize("judged", [False, True])
 def test_batches_are_the_whole(
     tmp_path: Path, calibration: Calibration, monkeypatch: pytest.MonkeyPatch, rows: int, judged: bool

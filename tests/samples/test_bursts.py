@@ -140,8 +140,8 @@ def test_in_batches_as_in_one(cuts: list[int], of_poses: bool, seed: int) -> Non
 def test_a_recording_is_calibrated_as_if_it_had_come_evenly(tmp_path: Path, each: float) -> None:
     """Two files; the buffer adds the time in which it is emptied, and half of what it is late, to the delay."""
     rig, _, rng = example(7)
-    went = stop_and_go(rig, rng, 500.0)
-    poses = np.column_stack([went.t, went.R_base_flange.reshape(-1, 9)])[::5]
+    went = stop_and_go(rig, rng, 250.0)
+    poses = np.column_stack([went.t, went.R_base_flange.reshape(-1, 9)])[::2]
     pose_file = written(tmp_path, csv_text(("t", *MATRIX), poses), "poses.csv")
     known = {}
     for name, t in (("even", went.t), ("bursts", handed_on(went.t, each, rng))):
@@ -152,20 +152,20 @@ def test_a_recording_is_calibrated_as_if_it_had_come_evenly(tmp_path: Path, each
     assert pytest.approx(even.B, abs=0.003) == bursts.B
     assert bursts.delay is not None
     assert even.delay is not None
-    emptied = 5e-5 * (each * 500.0 - 1.0) + 0.001 + 0.001  # the last row of a burst was taken 2 ms before the next
+    emptied = 5e-5 * (each * 250.0 - 1.0) + 0.001 + 0.002  # the last row of a burst was taken 4 ms before the next
     assert bursts.delay - even.delay == pytest.approx(emptied, abs=0.0025)
 
 
 def test_a_table_of_rows_that_have_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Calibrated as if it had come evenly; compensated, the stamps stay as they were written."""
     rig, _, rng = example(8)
-    went = stop_and_go(rig, rng, 250.0)
+    went = stop_and_go(rig, rng, 100.0)
     stamps = handed_on(went.t, 0.2, rng)
     rows = np.column_stack([stamps, went.wrench, went.R_base_flange.reshape(-1, 9)])
     path, tool = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), rows), "run.csv"), tmp_path / "tool.json"
     done = run(capsys, "calibrate", path, "-o", tool)
     assert done.status == 0
-    assert "Note: the recording came in bursts of 50 rows each 200 ms: spread evenly between them" in done.err
+    assert "Note: the recording came in bursts of 20 rows each 200 ms: spread evenly between them" in done.err
     known = cw.Calibration.load(tool)
     as_arrays = cw.calibrate(replace(cw.read(path), t=stamps))
     assert pytest.approx(known.B, abs=1e-9) == as_arrays.B

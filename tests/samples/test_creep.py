@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +26,9 @@ TAUS = np.geomspace(0.05, 5e4, 60)
 """s: so many exponentials in even steps of the logarithm are a logarithm."""
 
 
-def stops(per_e_fold: float, noise: float, seed: int, stop: float = 4.0, move: float = 2.0) -> list[Stop]:
-    """Stops of a sensor that shows so much of each change of load late with each factor e of time."""
-    rng = np.random.default_rng(seed)
+@cache
+def _forces(per_e_fold: float, stop: float, move: float) -> list[tuple[float, Array, Array]]:
+    """Of each stop when the arm came, and times since then with the forces (n, 3) that such a sensor shows."""
     came = (stop + move) * np.arange(len(LOADS)) + 1.79e9
     found = []
     for k, at in enumerate(came):
@@ -35,9 +36,17 @@ def stops(per_e_fold: float, noise: float, seed: int, stop: float = 4.0, move: f
         force = np.tile(LOADS[k], (len(since), 1)).astype(float)
         for j in range(1, k + 1):
             force += per_e_fold * np.log(at + since - came[j])[:, None] * (LOADS[j] - LOADS[j - 1])
-        force += noise * rng.standard_normal(force.shape)
-        found.append(Stop(force, float(at), float(at + since[0]), float(at + since[-1]), 0.0))
+        found.append((float(at), since, force))
     return found
+
+
+def stops(per_e_fold: float, noise: float, seed: int, stop: float = 4.0, move: float = 2.0) -> list[Stop]:
+    """Stops of a sensor that shows so much of each change of load late with each factor e of time."""
+    rng = np.random.default_rng(seed)
+    return [
+        Stop(force + noise * rng.standard_normal(force.shape), at, float(at + since[0]), float(at + since[-1]), 0.0)
+        for at, since, force in _forces(per_e_fold, stop, move)
+    ]
 
 
 def sure(some: list[Stop]) -> bool:

@@ -107,10 +107,10 @@ def run_quietly(arguments: Sequence[str | Path]) -> int:
     """Run `contactwrench` with these arguments in this process: its exit status."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["contactwrench", *map(str, arguments)])
-        return exit_status(_program())
+        return exit_status(program())
 
 
 @cache
-def _program() -> Any:
+def program() -> Any:
     """Its verbs and options, which take longer to make than most runs last."""
     return typer.main.get_command(app)

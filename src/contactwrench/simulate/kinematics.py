@@ -47,7 +47,7 @@ def flange_jacobian(rig: Rig, joints: Array) -> Array:
 def _flange(rig: Rig, data: Any, joints: Array) -> tuple[Array, Array, Array]:
     """`R_base_flange` (3, 3), position (3,) and Jacobian (6, 7) at joints (7,); `data` is MuJoCo's, to work in."""
     R_world_flange, in_world, jacobian = site_at(rig, data, joints, rig.flange)
-    R_base_world = rig.settings.R_world_base.T
+    R_base_world = rig.R_world_base.T
     turned = (R_base_world @ jacobian.reshape(2, 3, -1)).reshape(6, -1)
     return R_base_world @ R_world_flange, R_base_world @ in_world, turned
 

@@ -7,6 +7,7 @@ exerts on the sensor. The sign is turned here, once.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +32,11 @@ class Rig:
     flange: int
     sensor: int
     """Numbers of the sites."""
+
+    @cached_property
+    def R_world_base(self) -> Array:
+        """As of `settings`."""
+        return self.settings.R_world_base
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +135,7 @@ def inverse_dynamics(
     acceleration = np.zeros(joints.shape) if acceleration is None else acceleration
     pushed = set() if force_on_hook is None else set(np.flatnonzero(force_on_hook.any(axis=1)).tolist())
     gravity, at_rest = rig.model.opt.gravity, rig.model.opt.gravity.copy()
-    felt = None if shaking is None else at_rest - shaking @ rig.settings.R_world_base.T
+    felt = None if shaking is None else at_rest - shaking @ rig.R_world_base.T
     for k in range(n):
         if felt is not None:
             gravity[:] = felt[k]
@@ -141,7 +147,7 @@ def inverse_dynamics(
         wrench[k], torque[k] = sensed, drives
         R[k], position[k] = R_world_flange, flange_in_world
     gravity[:] = at_rest
-    R_base_world = rig.settings.R_world_base.T
+    R_base_world = rig.R_world_base.T
     return Physics(joints, -wrench, torque, R_base_world @ R.reshape(n, 3, 3), position @ R_base_world.T)
 
 
@@ -149,7 +155,7 @@ def _on_tool(rig: Rig, data: mujoco.MjData, force_on_hook: Array) -> Array:
     """Of a force (3,), base axes, on the hook: force and torque (6,) about the tool's centre of mass, world axes."""
     import_mujoco().mj_kinematics(rig.model, data)
     tool = rig.model.body("tool").id
-    force = rig.settings.R_world_base @ force_on_hook
+    force = rig.R_world_base @ force_on_hook
     hook = data.xpos[tool] + data.xmat[tool].reshape(3, 3) @ np.array(rig.settings.tool.hook)
     return np.concatenate([force, np.cross(hook - data.xipos[tool], force)])
 
