@@ -30,6 +30,7 @@ from ..samples.poses import SAME_POSE_ANGLE
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, percent, square_root, two_digits
+from .turned_load import largest_turn, whitening
 
 THREE_STD = 0.9973
 """Level of three standard deviations of a normal distribution: a mass nearer to zero is none."""
@@ -39,6 +40,11 @@ PASSES = 3
 
 ANY_ZERO, UNCONFIRMED = 100.0, 0.03
 """N and N m, by which a zero may be off that nobody knows; of the mass, by which poses alone may leave it open."""
+
+SHARES_OFF, BY_CHANCE = np.array([0.0, 0.25, 0.5, 1.0, 1.5]), 2.0
+"""Of the largest error in orientation that calibrating leaves open: those that are tried; and the natural logarithm of
+the odds up to which none is as likely, where calibrating has seen none.
+"""
 
 REFUSALS = (Kind.NEGATIVE_MASS, Kind.FAR_CENTRE_OF_MASS)
 """Findings that no object gives."""
@@ -108,17 +114,25 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     gravity = np.zeros((len(R), 6, 1 + across.shape[1]))
     gravity[:, :3, 0], gravity[:, 3:, 1:] = g * down, -g * cross_matrix(down) @ across
 
-    std = np.sqrt(np.maximum(reading_variance(calibration, poses), 1e-300))
+    variance = np.maximum(reading_variance(calibration, poses), 1e-300)
     root = square_root(calibration.error_covariance)
     of_tool = calibration.error_jacobian(R)
-    x = np.zeros(gravity.shape[2])
-    for _ in range(PASSES):
-        of_object = g * np.concatenate([x[0] * turned, cross_matrix(across @ x[1:]) @ turned], axis=1)
-        errors = (of_tool + of_object) @ root
-        x, x_covariance, misfit = _least_squares(gravity / std[..., None], errors / std[..., None], contact / std)
+    contact = contact[..., None]
+    tried = []
+    for off in SHARES_OFF * largest_turn(calibration):
+        x = np.zeros(gravity.shape[2])
+        for _ in range(PASSES):
+            of_object = g * np.concatenate([x[0] * turned, cross_matrix(across @ x[1:]) @ turned], axis=1)
+            errors = (of_tool + of_object) @ root
+            white = whitening(calibration, R, variance, off, g * float(x[0]), g * across @ x[1:])
+            x, x_covariance, misfit = _least_squares(white @ gravity, white @ errors, white @ contact)
+        logs = 2.0 * float(np.sum(np.linalg.slogdet(white)[1])) + float(np.linalg.slogdet(x_covariance)[1])
+        by_chance = BY_CHANCE if off > 0.0 and calibration.orientation_std is None else 0.0
+        tried.append((0.5 * (logs - misfit) - by_chance, x, x_covariance, misfit, white, errors))
+    _, x, x_covariance, misfit, white, errors = max(tried, key=lambda found: found[0])
     any_zero = np.broadcast_to(ANY_ZERO * np.eye(6), (len(R), 6, 6))
     of_all = np.concatenate([errors, any_zero], axis=2)
-    own_std = float(np.sqrt(_least_squares(gravity / std[..., None], of_all / std[..., None], contact / std)[1][0, 0]))
+    own_std = float(np.sqrt(_least_squares(white @ gravity, white @ of_all, white @ contact)[1][0, 0]))
     mass, moment = float(x[0]), across @ x[1:]
 
     unfold = np.zeros((4, len(x)))
@@ -150,7 +164,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         com_flange=com_flange,
         com_flange_std=com_flange_std,
         poses=len(poses),
-        residual_rms=np.sqrt(np.mean((contact - gravity @ x) ** 2, axis=0)),
+        residual_rms=np.sqrt(np.mean((contact[..., 0] - gravity @ x) ** 2, axis=0)),
         chi2=test.chi2,
         probability=test.probability,
         dof=calibration.dof,
@@ -206,7 +220,7 @@ def _seen(down: Array) -> tuple[Array, Array | None]:
 
 
 def _least_squares(A: Array, J: Array, y: Array) -> tuple[Array, Array, float]:
-    """Least squares of whitened readings y (n, 6) in unknowns A (n, 6, q), with the calibration's errors J (n, 6, p)
+    """Least squares of whitened readings y (n, 6, 1) in unknowns A (n, 6, q), with the calibration's errors J (n, 6, p)
     as further unknowns that have unit variance: the unknowns x (q,), their covariance (q, q), and the misfit.
     """
     q, p = A.shape[2], J.shape[2]

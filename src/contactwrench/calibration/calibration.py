@@ -61,6 +61,7 @@ class Calibration(CalibrationFields):
         delay: s, of the wrench's stamps behind the orientation's; None where it was not estimated.
         delay_std: s.
         gain_covariance: (24, 24), what gain and cross-talk add to that of B; None where nothing speaks for them.
+        orientation_std: rad an axis, by which the robot's orientations are off; None where nothing speaks for it.
         still_noise: of means over 10 ms to 1 s at rest; None where the poses came without.
     """
 

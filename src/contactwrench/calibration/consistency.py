@@ -131,6 +131,8 @@ def _require_rotation(name: str, R: Array) -> None:
 def _check_numbers(c: CalibrationFields) -> None:
     if c.dof < 0.0 or c.reduced_chi2 < 0.0:
         raise InputError(f"dof is {c.dof:g} and reduced_chi2 {c.reduced_chi2:g}, expected 0 or more")
+    if c.orientation_std is not None and not 0.0 < c.orientation_std < np.pi:
+        raise InputError(f"orientation_std is {c.orientation_std:g}, expected above 0 and below pi rad")
     if (c.delay is None) != (c.delay_std is None):
         raise InputError("found one of delay and delay_std, expected both or neither")
     if c.delay is not None and c.delay_std is not None:

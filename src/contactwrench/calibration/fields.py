@@ -76,6 +76,7 @@ class CalibrationFields(Frozen, WithFindings):
     still_noise: StillNoise | None = None
     gain_covariance: Matrix | None = None
     dynamics: Dynamics | None = None
+    orientation_std: float | None = None
 
     @cached_property
     def std(self) -> dict[str, Any]:

@@ -294,5 +294,6 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         delay_std=recorded.samples.delay_std,
         still_noise=recorded.found.still_noise,
         gain_covariance=estimate.gain_covariance if isinstance(estimate, RigidEstimate) else None,
+        orientation_std=estimate.orientation_std if isinstance(estimate, RigidEstimate) else None,
     )
     return with_creep(calibration, recorded.found.creep, R)

@@ -111,9 +111,9 @@ class Turned:
     sd: float
 
     @property
-    def share(self) -> float:
-        """The variance of forces by turns, of what the noise has."""
-        return float(np.mean(self.turns.reads_of_kept[:, :3] ** 2)) * (self.sd / self.base.of_forces) ** 2
+    def shares(self) -> Array:
+        """The variance of each axis (6,) by turns, of what the noise has."""
+        return np.asarray(self.sd**2 * np.mean(self.turns.reads_of_kept**2, axis=(0, 2)) / self.base.variance)
 
     @cached_property
     def covariance_of_turns(self) -> Array:

@@ -124,6 +124,12 @@ class RigidEstimate(Estimate):
     weight_z: float | None = None
 
     @property
+    def orientation_std(self) -> float | None:
+        """Rad an axis by which the robot's orientations are likely off, None where they are likely right."""
+        off = self.beliefs is not None and self.beliefs.with_orientation.get(Kind.ROBOT, 0.0) > 0.5
+        return self.beliefs.turn if off and self.beliefs is not None else None
+
+    @property
     def bias_moved(self) -> bool:
         """Whether the bias is likelier than not to have moved."""
         return self.beliefs is not None and sum(self.beliefs.moved.values()) > 0.5

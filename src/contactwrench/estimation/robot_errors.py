@@ -22,7 +22,7 @@ from ..model import RigidTool, gravity_in_flange, wrench_matrix
 from .bias_drift import Kernels
 from .error_covariance import AlikeOnAxes, Turned, Turns
 from .least_squares import Members
-from .variance_components import SHOWING, USUAL, Linear, Optimum, along_axes, at_optimum
+from .variance_components import USUAL, Linear, Optimum, along_axes, at_optimum, shows
 
 ODDS = 1.0
 """Before the readings, that robots err so that it may show."""
@@ -32,9 +32,6 @@ CORRELATION = 0.85
 
 MOST_POSES = 100
 """With more, poses taken on the way most often, what a robot errs by passes for noise."""
-
-LEAST = 1e-5
-"""rad: no robot is so exact."""
 
 OF_NOISE = 0.25
 """Of the variance that is left where nothing turns: the noise to begin with, the rest being turns."""
@@ -96,19 +93,15 @@ def likely_with(
     steady = kernels.drift[among] == 0
     alone = at_optimum(linear, _first(linear, base, turns))
     found = []
-    if _shows(alone.V):
+    if shows(alone.V):
         found = [(int(k), alone) for k in among[steady]]
         beside |= dict.fromkeys(_likely_beside(linear, alone, kernels, among[~steady]), alone.V)
     for k, V in beside.items():
         columns, strength = kernels.drifts[kernels.drift[k]].columns, float(kernels.strength[k])
         optimum = at_optimum(linear, replace(V, base=replace(V.base, columns=columns, strength=strength)))
-        if _shows(optimum.V):
+        if shows(optimum.V):
             found.append((k, optimum))
     return found
-
-
-def _shows(V: Turned) -> bool:
-    return V.sd > LEAST and V.share > SHOWING
 
 
 def _first(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned:

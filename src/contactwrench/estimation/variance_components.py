@@ -21,8 +21,13 @@ from .noise import ALIKE, LARGEST_STEP, LEAST_DOF, OFF_GROUP, NoiseModel
 USUAL = 0.01
 """rad: scale of a half-normal prior of the turns' standard deviation, as robots are good to half a degree."""
 
-SHOWING = 0.5
-"""Of the noise's variance, that of turns from which on they are counted: smaller ones pass for noise."""
+SHOWING, BEYOND = 0.5, 1e8
+"""Of the noise's variance, that of turns from which on they are counted, as smaller ones pass for noise, and up to
+which double precision carries both.
+"""
+
+LEAST = 1e-5
+"""rad: no robot is so exact."""
 
 GAIN = 0.02
 """Of the logarithm of the evidence, by another pass: no more are made."""
@@ -122,6 +127,11 @@ def look_at(linear: Linear, V: Turned) -> Optimum:
     return replace(found, chi2=chi2 + of_chi2, dof=dof_of_axes + of_dof, drift=drift)
 
 
+def shows(V: Turned) -> bool:
+    """Whether turns count beside the noise."""
+    return V.sd > LEAST and float(V.shares[:3].mean()) > SHOWING and float(V.shares.max()) < BEYOND
+
+
 def at_optimum(linear: Linear, V: Turned) -> Optimum:
     """The best noise, drift and turns, from those of V on, as long as turns show."""
     for _ in range(MOST_PASSES):
@@ -134,7 +144,7 @@ def at_optimum(linear: Linear, V: Turned) -> Optimum:
             strength = float(np.clip(strength * np.exp(0.5 * found.drift.step), STRENGTHS[0], STRENGTHS[-1]))
         of_strength = 0.0 if strength == 0.0 else 2.0 * np.log(strength / base.strength)
         gain = dof[0] @ (better - log_variance) ** 2 + found.turns.dof * found.turns.step**2
-        if 0.25 * (gain + found.drift.dof * of_strength**2) < GAIN or V.share < SHOWING:
+        if 0.25 * (gain + found.drift.dof * of_strength**2) < GAIN or not shows(V):
             break
         base = replace(base, variance=np.exp(better), strength=strength)
         V = replace(V, base=base, sd=V.sd * np.exp(0.5 * found.turns.step))

@@ -1,0 +1,43 @@
+"""An orientation that the robot has a bit off turns what hangs on the sensor: the more, the heavier the load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..estimation.variance_components import USUAL
+from ..geometry.arrays import Array
+from ..geometry.wrench import cross_matrix
+from ..model import gravity_in_flange
+
+LEAST_OF_NOISE = 0.05
+"""Of the variance of a reading, what is left to noise where the robot's errors seem to be all of it."""
+
+
+def largest_turn(calibration: Calibration) -> float:
+    """By how many rad an axis the robot's orientations are off, as far as calibrating tells: no more than would show
+    there in the tool's weight, which an object is often several times.
+    """
+    if calibration.orientation_std is not None:
+        return calibration.orientation_std
+    weight = float(np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False)))
+    return min(float(np.sqrt(np.mean(calibration.noise[:3] ** 2))) / max(weight, 1e-300), USUAL)
+
+
+def whitening(
+    calibration: Calibration, R_base_flange: Array, variance: Array, off: float, weight: float, moment: Array
+) -> Array:
+    """Matrices (n, 6, 6) that make the errors of readings of the given `variance` (n, 6) independent, of size one.
+    Orientations that are `off` rad an axis turn what hangs on the sensor: an object of that `weight` N and `moment`
+    (3,) N m, and the tool, whose share is in the variance, where the calibration knows how large it is.
+    """
+    r = gravity_in_flange(R_base_flange, calibration.gravity_direction)
+    to_sensor = calibration.B[:3, :3] / np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False))
+    turned, noise = np.concatenate([weight * to_sensor, cross_matrix(moment) @ to_sensor]), variance
+    if calibration.orientation_std is not None:
+        of_tool = calibration.orientation_std * calibration.B[:, :3] @ cross_matrix(r)
+        noise = np.maximum(variance - np.mean(np.sum(of_tool**2, axis=2), axis=0), LEAST_OF_NOISE * variance)
+        turned = turned + calibration.B[:, :3]
+    of_both = off * turned @ cross_matrix(r)
+    total = noise[..., None] * np.eye(6) + of_both @ of_both.transpose(0, 2, 1)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(total)))
