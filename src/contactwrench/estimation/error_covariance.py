@@ -1,8 +1,7 @@
 """The covariance V of the errors of all poses under one member of a table: how readings weigh, what is known of them.
 
 All axes alike and poses alike in a drift or a field, V = K (x) Sigma; or, of a robot whose orientation is off, a few
-directions of each pose (robot_errors.py). Both are noise of each reading and a part that the poses have in common, and
-answer the same three questions.
+directions of each pose (robot_errors.py). Both are noise of each reading and a part that the poses have in common.
 """
 
 from __future__ import annotations
@@ -114,6 +113,16 @@ class Turned:
     def shares(self) -> Array:
         """The variance of each axis (6,) by turns, of what the noise has."""
         return np.asarray(self.sd**2 * np.mean(self.turns.reads_of_kept**2, axis=(0, 2)) / self.base.variance)
+
+    @property
+    def root_of_turns(self) -> Array:
+        """Columns (m, 6, 2 m) of which turns make the readings, independent and of size one."""
+        return np.asarray(self.sd * self.turns.each_of_kept @ np.linalg.cholesky(self.turns.alike_of_kept))
+
+    @property
+    def beyond_first_order(self) -> Array:
+        """Variance (6,) of what turns make of a reading beyond first order."""
+        return np.asarray(self.sd**4 * np.mean(self.turns.reads_of_kept**2, axis=(0, 2)) + 1e-300)
 
     @cached_property
     def covariance_of_turns(self) -> Array:

@@ -185,7 +185,8 @@ def _uncertain_noise(fit: Estimate, stated: bool) -> list[Row]:
         )
         return [(ratio > STATED_NOISE_RATIO, WEAK, Kind.BEYOND_STATED_NOISE, beyond)]
     few = (
-        f"every std rests on {np.floor(10.0 * fewest) / 10.0:g} degrees of freedom, under {FEWEST_DOF:g}, and may be far off: record "
+        f"every std rests on {np.floor(10.0 * fewest) / 10.0:g} degrees of freedom, under {FEWEST_DOF:g}, and may be "
+        "far off: record "
         "more poses"
     )
     rows: list[Row] = [(0.0 < fewest < FEWEST_DOF, WEAK, Kind.FEW_DEGREES_OF_FREEDOM, few)]

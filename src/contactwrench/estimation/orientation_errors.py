@@ -1,12 +1,11 @@
-"""Errors that go with the orientation: of the sensor, of the robot, of cables. Neighbouring poses have them in common.
+"""Errors that go with the orientation: of the sensor, of cables. Neighbouring poses have them in common.
 
 Taken for independent from pose to pose they would make a calibration far too sure: in a cone the same error comes with
 every pose, and what is learned there does not hold elsewhere. Each is a covariance across poses with a strength in
 units of the noise, beside those of a bias that moves (bias_drift.py): none is chosen, all are in the mean.
 
-A kernel treats all axes of a group alike. Gain and cross-talk are part of what the sensor reads at any orientation, and
-a robot's error in orientation turns the weight, which moves nothing along gravity: what that adds to the covariances is
-worked out here, too.
+A kernel treats all axes of a group alike. Gain and cross-talk are part of what the sensor reads at any orientation:
+what that adds to the covariance is worked out here, too.
 """
 
 from __future__ import annotations
@@ -91,7 +90,7 @@ def _slopes(problem: Problem, table: Table, member: int) -> Array:
         D[:, axis, q + 3 * axis : q + 3 * axis + 3] = drift.columns[kept]
     weighted = covariance_of_errors(problem, table, member, without_kernel=True).precision_times(D)
     information = np.tensordot(D, weighted, ((0, 1), (0, 1)))
-    right = np.tensordot(weighted, problem.errors(table.tool)[kept], ((0, 1), (0, 1)))
+    right = np.tensordot(weighted, problem.errors(table.tool, float(m.turn[member]))[kept], ((0, 1), (0, 1)))
     information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[member]]
     right[problem.columns] += table.priors.pull[m.hypothesis[member]]
     information[range(q, q + 18), range(q, q + 18)] += np.repeat(1.0 / (strength**2 * variance), 3)

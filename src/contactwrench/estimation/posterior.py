@@ -102,6 +102,8 @@ def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     """Sets of poses that differ in one: the kept pose furthest off, the pose left out that is nearest."""
     member, m = table.best, table.members
     distance, dof = deleted_distances(problem, table), float(m.dof[member].sum())
+    if m.robot[member] >= 0:  # of the noise alone
+        dof = 6.0 * int(table.kept.sum()) - len(problem.names)
     distance = distance * max(dof - 6.0, 1.0) / np.maximum(dof - distance, 1e-3)  # in noise that counts it is less
     sets = []
     kept = table.kept
@@ -145,7 +147,7 @@ def _deletion(problem: Problem, table: Table) -> tuple[Array, Array]:
     kept = table.kept
     V = covariance_of_errors(problem, table, best)
     J = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)
-    errors = problem.errors(table.tool)[kept] - J[:, :, problem.columns] @ m.step[best]
+    errors = problem.errors(table.tool, float(m.turn[best]))[kept] - J[:, :, problem.columns] @ m.step[best]
     weighted = V.precision_times(np.concatenate([J, errors[..., None]], axis=2))
     of_J, of_errors = weighted[:, :, :-1], weighted[:, :, -1]
     Z, of_bias = of_J[:, :, problem.columns], of_J[:, :, 4:10]

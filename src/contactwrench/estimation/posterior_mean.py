@@ -74,11 +74,11 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     covariance = axes @ (within + (weight * off.T) @ off) @ axes.T
     of_axes, spread = _of_axes(problem, first)
     of_axes = axes @ of_axes @ axes.T
-    covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes, 1)
+    covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes[:6], 1)
     of_B = of_gain(problem, tables, weight)
     covariance = 0.5 * (covariance + covariance.T)
     variance = weight @ np.concatenate([table.members.variance for table in tables])
-    variance = variance * _noisier_alone(problem, first) + _of_levels(problem, tables, weight)
+    variance = variance * _noisier_alone(problem, first) + _of_what_differs_anew(problem, tables, weight)
     from_parameters = matrix_jacobian(moved, names)
     best = first.best
     left_by, of_kernel, of_turns = explained(problem, first, best)
@@ -154,8 +154,8 @@ def _members(tables: list[Table]) -> Iterator[tuple[Table, slice]]:
         yield table, slice(offset, offset := offset + len(table.members.kernel))
 
 
-def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
-    """What a field over orientations, two levels of the bias, or creep adds to the variance (6,) of a pose's reading:
+def _of_what_differs_anew(problem: Problem, tables: list[Table], weight: Array) -> Array:
+    """What a field over orientations, two levels of the bias, creep or turns add to the variance (6,) of a reading:
     at a new orientation it is there anew.
     """
     added = np.zeros(6)
@@ -176,14 +176,14 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
     """
     m, kept, columns = table.members, table.kept, problem.columns
     J = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)[:, :, columns]
-    both = np.concatenate([J, problem.errors(table.tool)[kept, :, None]], axis=2)
     found: dict[tuple[int, int], tuple[Array, Array]] = {}
     own = np.zeros((len(m.kernel), 6, 6))
     mean = np.zeros((len(m.kernel), 6, len(columns) + 1))
     for member, which in enumerate(zip(m.kernel.tolist(), m.robot.tolist(), strict=True)):
         if which not in found:
             V, root = covariance_of_errors(problem, table, member), np.sqrt(m.variance[member])
-            constant, covariance = V.constant(both)
+            errors = problem.errors(table.tool, float(m.turn[member]))[kept, :, None]
+            constant, covariance = V.constant(np.concatenate([J, errors], axis=2))
             found[which] = constant, covariance / np.outer(root, root)
         root = np.sqrt(m.variance[member])
         mean[member], own[member] = found[which][0], found[which][1] * np.outer(root, root)
@@ -192,7 +192,7 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
 
 def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
     """Of the likeliest member: what each axis' noise contributes to the covariance of the parameters (6, p, p), and the
-    covariance (6, 6) of the logarithms of the axes' variances.
+    covariance (6, 6) of the logarithms of the axes' variances; a seventh of each are the robot's turns, if there are any.
     """
     m, best = table.members, table.best
     V = covariance_of_errors(problem, table, best)
@@ -201,15 +201,16 @@ def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
     information = np.tensordot(J, weighted, ((0, 1), (0, 1)))
     information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[best]]
     base = V.base if isinstance(V, Turned) else V
-    gain = weighted @ inverse_of(information) * np.sqrt(m.variance[best])[:, None]
+    of_reading = weighted @ inverse_of(information)
+    gain = of_reading * np.sqrt(m.variance[best])[:, None]
     of_noise = gain * np.sqrt(problem.relative[table.kept])[:, None, None]
     of_kernel = base.strength * np.tensordot(base.columns[table.kept], gain, (0, 0))
     by_axis = np.concatenate([of_noise, of_kernel])
-    if isinstance(V, Turned) and problem.noise.stated is None:
-        spread = log_spread(V, J, information)
-    else:
-        spread = problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
-    return np.asarray(by_axis.transpose(1, 2, 0) @ by_axis.transpose(1, 0, 2)), spread
+    of_axes: Array = by_axis.transpose(1, 2, 0) @ by_axis.transpose(1, 0, 2)
+    if isinstance(V, Turned):
+        of_turns = np.tensordot(V.root_of_turns, of_reading, ((0, 1), (0, 1)))
+        return np.concatenate([of_axes, (of_turns.T @ of_turns)[None]]), log_spread(V, J, information)
+    return of_axes, problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
 
 
 def _noisier_alone(problem: Problem, table: Table) -> Array:
@@ -232,7 +233,7 @@ def _dof(problem: Problem, table: Table, of_axes: Array, spread: Array, covarian
     for axis in np.flatnonzero(alone > 1.0):
         spread[axis, :] = spread[:, axis] = 0.0
         spread[axis, axis] = 2.0 / max(float(m.dof[best, axis]), FEWEST_DOF)
-    share = np.einsum("app->pa", of_axes) * alone
+    share = np.einsum("app->pa", of_axes) * np.append(alone, np.ones(len(of_axes) - 6))
     share = share / np.maximum(np.diag(covariance), share.sum(axis=1) + 1e-300)[:, None]
     uncertain = np.einsum("pa,ab,pb->p", share, spread, share)
     return np.asarray(np.minimum(2.0 / np.maximum(uncertain, 2.0 / MOST_DOF), MOST_DOF))

@@ -39,9 +39,11 @@ class Problem:
         """Of the parameters: those that are not the bias."""
         return all_but_the_bias(self.names)
 
-    def errors(self, tool: RigidTool) -> Array:
-        """What `tool` leaves in the readings, (n, 6)."""
-        r = gravity_in_flange(self.R_base_flange, tool.gravity_direction)
+    def errors(self, tool: RigidTool, turn: float = 0.0) -> Array:
+        """What `tool` leaves in the readings, (n, 6), whose orientations are off by `turn` rad an axis: either way that
+        takes as much off what lies along gravity.
+        """
+        r = (1.0 - turn**2) * gravity_in_flange(self.R_base_flange, tool.gravity_direction)
         return self.wrench - free_wrench(wrench_matrix(tool), r)
 
     def stepped(self, tool: RigidTool, step: Array) -> RigidTool:

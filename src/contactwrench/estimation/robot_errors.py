@@ -87,30 +87,30 @@ def likely_with(
         among: the kernels to look at, a steady bias among them where there is one.
     """
     beside = {
-        k: _first(linear, replace(base, variance=variance), turns)
-        for k, variance in _likely_alone(kernels, others).items()
+        k: _first(linear, replace(base, variance=own), turns) for k, own in _likely_alone(kernels, others).items()
     }
     steady = kernels.drift[among] == 0
     alone = at_optimum(linear, _first(linear, base, turns))
-    found = []
+    found: dict[int, tuple[int, Optimum]] = {}
     if shows(alone.V):
-        found = [(int(k), alone) for k in among[steady]]
+        found = {int(kernels.drift[k]): (int(k), alone) for k in among[steady]}
         beside |= dict.fromkeys(_likely_beside(linear, alone, kernels, among[~steady]), alone.V)
     for k, V in beside.items():
-        columns, strength = kernels.drifts[kernels.drift[k]].columns, float(kernels.strength[k])
-        optimum = at_optimum(linear, replace(V, base=replace(V.base, columns=columns, strength=strength)))
-        if shows(optimum.V):
-            found.append((k, optimum))
-    return found
+        drift, strength = kernels.drifts[kernels.drift[k]], float(kernels.strength[k])
+        start = replace(V, base=replace(V.base, columns=drift.columns, strength=strength))
+        optimum = at_optimum(linear, start, drift.strengths)
+        if shows(optimum.V):  # begun at two strengths, a drift comes to one
+            found[int(kernels.drift[k])] = (k, optimum)
+    return list(found.values())
 
 
 def _first(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned:
     """Where to begin: most of the noise is turns."""
     load = max(float(np.mean(turns.reads_of_kept[:, :3] ** 2)), 1e-300)
     sd = float(np.sqrt((1.0 - OF_NOISE) * np.mean(base.variance[:3]) / load))
-    return Turned(
-        replace(base, variance=np.maximum(OF_NOISE * base.variance, linear.noise.least)), turns, min(sd, USUAL)
-    )
+    V = Turned(base, turns, min(sd, USUAL))
+    least = np.maximum(linear.noise.least, V.beyond_first_order)
+    return replace(V, base=replace(base, variance=np.maximum(OF_NOISE * base.variance, least)))
 
 
 def _likely_alone(kernels: Kernels, others: Members) -> dict[int, Array]:

@@ -1,7 +1,8 @@
 """Tables of everything that the readings may mean, linearised at one tool: kernels of errors, hypotheses, evidence.
 
 A `Table` has every member that counts for one set of poses: a kernel (how the bias moves, errors that go with the
-orientation, each at a strength) with a hypothesis (on mounting and base), its solution and its evidence.
+orientation, each at a strength), alone or beside turns of the robot, with a hypothesis (on mounting and base), its
+solution and its evidence.
 """
 
 from __future__ import annotations
@@ -151,7 +152,8 @@ def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp]) -> Tabl
             own = optimum.V.base
             size = problem.kernels.log_plausible(np.array([k]), np.array([own.strength]), own.of_forces, tool.weight)
             log_prior = log_odds + float(size[0] + problem.kernels.log_prior[k])
-            m = m.joined(members_of(linear, optimum, k, log_prior, robot))
+            strengths = problem.kernels.drifts[problem.kernels.drift[k]].strengths
+            m = m.joined(members_of(linear, optimum, k, strengths, log_prior, robot))
     return replace(table, members=_near(m))
 
 
@@ -187,7 +189,8 @@ def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array
     change of the bias or the pull of a cable, and the robot's turns.
     """
     moved = np.tensordot(table.members.step[member], response_jacobian(table.tool, problem.names), 1)
-    errors = problem.errors(table.tool) - problem.R_base_flange.reshape(-1, 9) @ moved.T
+    turn = float(table.members.turn[member])
+    errors = problem.errors(table.tool, turn) - problem.R_base_flange.reshape(-1, 9) @ moved.T
     V = covariance_of_errors(problem, table, member)
     errors = errors - V.constant(errors[table.kept, :, None])[0][:, 0]
     left = V.precision_times(errors[table.kept, :, None])[:, :, 0]

@@ -15,7 +15,7 @@ import numpy as np
 from ..geometry.arrays import Array
 from .bias_drift import APART, STRENGTHS
 from .error_covariance import Turned
-from .least_squares import MOST_PASSES, Members, Priors
+from .least_squares import Members, Priors
 from .noise import ALIKE, LARGEST_STEP, LEAST_DOF, OFF_GROUP, NoiseModel
 
 USUAL = 0.01
@@ -29,8 +29,8 @@ which double precision carries both.
 LEAST = 1e-5
 """rad: no robot is so exact."""
 
-GAIN = 0.02
-"""Of the logarithm of the evidence, by another pass: no more are made."""
+MOST_PASSES, GAIN = 40, 0.02
+"""Of the logarithm of the evidence, by another pass: if less, no more are made."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,8 @@ class Component:
 class Optimum:
     """The parameters' best under V: `total` (p + 1, p + 1) products of derivatives and errors under V^-1, the
     `weighted` derivatives (n, 6, p), the `covariance` (p, p), `left` (n, 6) V^-1 times what the tool leaves, `chi2` and
-    `dof` (6,) of the axes, and the two other components.
+    `dof` (6,) of the axes, the two other components, and what of those of the axes is
+    `of_drift` (2, 6).
     """
 
     V: Turned
@@ -91,6 +92,7 @@ class Optimum:
     dof: Array
     drift: Component
     turns: Component
+    of_drift: Array
 
 
 def look_at(linear: Linear, V: Turned) -> Optimum:
@@ -98,7 +100,8 @@ def look_at(linear: Linear, V: Turned) -> Optimum:
     hypothesis = np.flatnonzero(linear.priors.apart == ALIKE)[-1]
     n, _, p = linear.J.shape
     base = V.base
-    both = np.concatenate([linear.J, linear.errors[..., None]], axis=2)
+    errors = linear.errors + V.sd**2 * linear.weight * linear.J[:, :, 0]
+    both = np.concatenate([linear.J, errors[..., None]], axis=2)
     weighted = V.precision_times(both)
     total = both.reshape(6 * n, -1).T @ weighted.reshape(6 * n, -1)
     information, pull = total[:p, :p].copy(), total[:p, p].copy()
@@ -116,7 +119,8 @@ def look_at(linear: Linear, V: Turned) -> Optimum:
     usual = (V.sd / USUAL) ** 2
     turns = Component(float(turned @ to_turns @ turned), dof, 0.5 * (usual - 1.0), 0.5 * usual)
     chi2, dof_of_axes = relative @ left**2 * base.variance, relative @ spread * base.variance
-    found = Optimum(V, total, of_J, covariance, left, chi2, dof_of_axes, Component(0.0, 0.0), turns)
+    none = Component(0.0, 0.0)
+    found = Optimum(V, total, of_J, covariance, left, chi2, dof_of_axes, none, turns, np.zeros((2, 6)))
     if base.strength == 0.0:
         return found
     L = base.columns[base.kept]
@@ -124,7 +128,8 @@ def look_at(linear: Linear, V: Turned) -> Optimum:
     of_chi2 = unit * np.sum((L.T @ left) ** 2, axis=0)
     of_dof = unit * np.einsum("aqq->a", along_axes(linear, found, L))
     drift = Component(float(of_chi2.sum()), float(of_dof.sum()))
-    return replace(found, chi2=chi2 + of_chi2, dof=dof_of_axes + of_dof, drift=drift)
+    of_drift = np.array([of_chi2, of_dof])
+    return replace(found, chi2=chi2 + of_chi2, dof=dof_of_axes + of_dof, drift=drift, of_drift=of_drift)
 
 
 def shows(V: Turned) -> bool:
@@ -132,19 +137,23 @@ def shows(V: Turned) -> bool:
     return V.sd > LEAST and float(V.shares[:3].mean()) > SHOWING and float(V.shares.max()) < BEYOND
 
 
-def at_optimum(linear: Linear, V: Turned) -> Optimum:
-    """The best noise, drift and turns, from those of V on, as long as turns show."""
+def at_optimum(linear: Linear, V: Turned, strengths: Array = STRENGTHS) -> Optimum:
+    """The best noise, drift and turns, from those of V on, as long as turns show; the drift, which a change of the
+    noise leaves as large as it is, within its `strengths`.
+    """
     for _ in range(MOST_PASSES):
-        found = look_at(linear, V)
-        base, log_variance = V.base, np.log(V.base.variance)
-        squares, dof = (found.chi2 * base.variance)[None], np.maximum(found.dof, 0.0)[None]
+        found, base = look_at(linear, V), V.base
+        log_variance, (chi2, dof) = np.log(base.variance), np.array([found.chi2, found.dof]) - found.of_drift
+        squares, dof = (chi2 * base.variance)[None], np.maximum(dof, 0.0)[None]
         better = linear.noise.improved(log_variance[None], squares, dof, np.array([ALIKE]), first=False)[0]
+        better = np.maximum(better, np.log(V.beyond_first_order))
+        gain = dof[0] @ (better - log_variance) ** 2 + found.turns.dof * found.turns.step**2
         strength = base.strength
         if strength > 0.0:
-            strength = float(np.clip(strength * np.exp(0.5 * found.drift.step), STRENGTHS[0], STRENGTHS[-1]))
-        of_strength = 0.0 if strength == 0.0 else 2.0 * np.log(strength / base.strength)
-        gain = dof[0] @ (better - log_variance) ** 2 + found.turns.dof * found.turns.step**2
-        if 0.25 * (gain + found.drift.dof * of_strength**2) < GAIN or not shows(V):
+            as_large = float(np.exp(0.5 * np.mean(log_variance - better)))
+            strength = float(np.clip(strength * as_large * np.exp(0.5 * found.drift.step), *strengths[[0, -1]]))
+            gain += found.drift.dof * (2.0 * np.log(strength / (base.strength * as_large))) ** 2
+        if 0.25 * gain < GAIN or not shows(V):
             break
         base = replace(base, variance=np.exp(better), strength=strength)
         V = replace(V, base=base, sd=V.sd * np.exp(0.5 * found.turns.step))
@@ -162,8 +171,12 @@ def along_axes(linear: Linear, found: Optimum, L: Array) -> Array:
     return np.asarray(own - of_L @ found.covariance @ of_L.transpose(0, 2, 1))
 
 
-def members_of(linear: Linear, optimum: Optimum, kernel: int, log_prior: float, robot: int) -> Members:
-    """The solutions under each hypothesis that has the axes alike; `robot`: which way its errors go on."""
+def members_of(
+    linear: Linear, optimum: Optimum, kernel: int, strengths: Array, log_prior: float, robot: int
+) -> Members:
+    """The solutions under each hypothesis that has the axes alike; the `strengths` of the drift of a `kernel`, and
+    `robot`: which way its errors go on.
+    """
     V, p, priors = optimum.V, linear.J.shape[2], linear.priors
     h = np.flatnonzero(priors.apart == ALIKE)
     m, place = len(h), np.ix_(range(len(h)), linear.columns, linear.columns)
@@ -177,8 +190,7 @@ def members_of(linear: Linear, optimum: Optimum, kernel: int, log_prior: float, 
     misfit = optimum.total[p, p] - np.einsum("hp,hp->h", step, pull) + priors.misfit[h]
     information[place] += priors.of_volume[h]
     log_det = np.linalg.slogdet(information * scale)[1] - 2.0 * np.log(unit).sum(axis=1)
-    log_evidence = 0.5 * (_log_volume(linear, optimum) - V.log_determinant - log_det - misfit)
-    step[:, 0] += V.sd**2 * linear.weight  # a turn either way takes as much off what lies along gravity
+    log_evidence = 0.5 * (_log_volume(linear, optimum, strengths) - V.log_determinant - log_det - misfit)
     return Members(
         np.full(m, kernel, dtype=np.intp),
         h,
@@ -194,22 +206,21 @@ def members_of(linear: Linear, optimum: Optimum, kernel: int, log_prior: float, 
     )
 
 
-def _log_volume(linear: Linear, found: Optimum) -> float:
+def _log_volume(linear: Linear, found: Optimum, strengths: Array) -> float:
     """Twice the logarithm of what Laplace's method gives noise, drift and turns, with the prior of the turns; that of a
     drift's strength is even over its logarithm, and where readings say nothing it may be any.
     """
     usual = (found.V.sd / USUAL) ** 2
     volume = found.turns.log_volume + np.log(0.5 / np.pi * usual) - usual
     if found.V.base.strength > 0.0:
-        volume += min(found.drift.log_volume - 2.0 * np.log(2.0 * APART), 2.0 * np.log(len(STRENGTHS)))
+        volume += min(found.drift.log_volume - 2.0 * np.log(2.0 * APART), 2.0 * np.log(len(strengths)))
     variance, dof = np.log(found.V.base.variance)[None], np.maximum(found.dof, 0.0)[None]
     return float(volume - linear.noise.log_volume(variance, dof, np.array([ALIKE]))[0])
 
 
 def log_spread(V: Turned, J: Array, information: Array) -> Array:
-    """Covariance (6, 6) of the logarithms of the axes' variances, as `NoiseModel.log_spread` has it where nothing
-    turns: turns and noise share what is left, so that either is known less well. J (m, 6, p), `information` (p, p) of
-    the parameters.
+    """Covariance (7, 7) of the logarithms of the axes' variances, and of the turns': they share what is left, so that
+    each is known less well than alone (`NoiseModel.log_spread`). J (m, 6, p), `information` (p, p) of the parameters.
     """
     m, base = len(J), V.base
     flat = V.precision_times(np.eye(6 * m).reshape(m, 6, 6 * m)).reshape(6 * m, 6 * m)
@@ -218,13 +229,13 @@ def log_spread(V: Turned, J: Array, information: Array) -> Array:
     root = np.sqrt(np.outer(base.relative[base.kept], base.variance).ravel())
     L = base.strength * base.columns[base.kept]
     of_axes = np.concatenate([np.diag(root), np.kron(L, np.diag(np.sqrt(base.variance)))], axis=1)
-    turned = V.sd * V.turns.each_of_kept.reshape(6 * m, -1) @ np.linalg.cholesky(V.turns.alike_of_kept)
+    turned = V.root_of_turns.reshape(6 * m, -1)
     both = np.concatenate([of_axes, turned], axis=1)
     one = np.eye(7)[np.r_[np.tile(np.arange(6), m + L.shape[1]), np.full(turned.shape[1], 6)]]
     fisher = 0.5 * one.T @ (both.T @ P @ both) ** 2 @ one
     fisher[:6, :6] += OFF_GROUP / ALIKE**2
     fisher[6, 6] += 0.5 * (V.sd / USUAL) ** 2
-    return np.asarray(np.linalg.inv(fisher + LEAST_DOF * np.eye(7))[:6, :6])
+    return np.asarray(np.linalg.inv(fisher + LEAST_DOF * np.eye(7)))
 
 
 def inverse_of(information: Array) -> Array:
