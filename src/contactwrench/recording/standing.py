@@ -34,9 +34,9 @@ class Standing:
             return rows
         saturated, moves = self._saturated(rows, samples), np.diff(wrench, axis=0, prepend=self._before[-1:]) != 0.0
         self._before = wrench
-        for row in np.flatnonzero(saturated & valid).tolist():
-            reasons[row], valid[row] = SATURATED, False
         told = [row for row, reason in enumerate(rows.reason) if reason is not None and reason.kind == STUCK]
+        for row in np.flatnonzero(saturated & (valid | np.isin(np.arange(len(wrench)), told))).tolist():
+            reasons[row], valid[row] = SATURATED, False
         for what, moved in zip((*AXES, "the whole reading"), (*moves.T, moves.any(axis=1)), strict=True):
             stretch = np.cumsum(moved)
             stuck = [stretch[row] for row in told if str(rows.reason[row]).startswith(f"{STUCK}: {what} ")]
