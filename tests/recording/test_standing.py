@@ -14,6 +14,7 @@ import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.compensate.faults import Reason
 from contactwrench.recording.standing import Standing
+from contactwrench.samples.samples import channels_at_limit
 from tests.support.live import calibrated, times
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.rigs import NOISE
@@ -96,6 +97,21 @@ def test_coarse_quiet_and_held_readings_stand_at_no_limit(
     wrench = wrench[np.arange(N) - np.arange(N) % held]
     scatter = float(np.hypot(noise * NOISE[0], quantum / np.sqrt(12.0)))
     valid, _, reasons, said = judged(tmp_path, capsys, wrench, R, noise=scatter)
+    assert "limit" not in said
+    assert valid.all(), set(reasons)
+
+
+def test_a_quiet_coarse_sensor_at_rest_may_stand_at_its_least_value(tmp_path: Path, capsys: Capture) -> None:
+    """At one orientation, pushed once: by the readings alone that is the picture of a channel at its limit."""
+    _, rig, rng = calibrated(3)
+    R = np.tile(np.eye(3), (2000, 1, 1))
+    quiet = readings(rig, R) + 0.4 * NOISE * rng.normal(size=(2000, 6))
+    quiet[1000:1100, 2] += 20.0 * np.sin(np.linspace(0.0, np.pi, 100))
+    steps = 0.2 * np.repeat([1.0, 0.04], 3)
+    begin = np.array([0.5, 0.5, 0.0, 0.5, 0.5, 0.5]) * steps + readings(rig, R)[0]
+    wrench = in_steps(quiet - begin, 0.2) + begin
+    assert channels_at_limit(wrench)[:, 2].sum() > 1000
+    valid, _, reasons, said = judged(tmp_path, capsys, wrench, R, noise=0.06)
     assert "limit" not in said
     assert valid.all(), set(reasons)
 

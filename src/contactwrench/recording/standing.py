@@ -30,10 +30,8 @@ class Standing:
         reading is stuck.
         """
         wrench, valid, reasons, contact = samples.wrench, rows.valid.copy(), list(rows.reason), rows.contact.copy()
-        if not len(wrench):
-            return rows
         saturated, moves = self._saturated(rows, samples), np.diff(wrench, axis=0, prepend=self._before[-1:]) != 0.0
-        self._before = wrench
+        self._before = wrench if len(wrench) else self._before
         told = [row for row, reason in enumerate(rows.reason) if reason is not None and reason.kind == STUCK]
         for row in np.flatnonzero(saturated & (valid | np.isin(np.arange(len(wrench)), told))).tolist():
             reasons[row], valid[row] = SATURATED, False
@@ -55,12 +53,15 @@ class Standing:
         )
 
     def _saturated(self, rows: ContactWrenches, samples: Samples) -> NDArray[np.bool_]:
-        """As the recording says, or else its readings: of which one that a free tool gives is a quiet sensor's."""
+        """As the recording says; else, where rows were judged, as readings do that are not what a free tool gives: a
+        coarse and quiet sensor at rest may stand at its least value too.
+        """
         if samples.saturated is not None:
             return samples.saturated
+        if rows.statistic is None:
+            return np.zeros(len(rows), dtype=bool)
         limit = channels_at_limit(np.vstack([self._before, samples.wrench]))[len(self._before) :]
-        if rows.statistic is not None:
-            limit &= ~(rows.statistic <= rows.threshold)[:, None]
+        limit &= ~(rows.statistic <= rows.threshold)[:, None]
         self._at_limit += limit.sum(axis=0)
         return np.asarray(limit.any(axis=1))
 
