@@ -229,6 +229,29 @@ def test_a_reading_that_stops_altogether() -> None:
     assert str(batch.reason[2400]) == "stuck: the whole reading has not moved for 0.9 s"
 
 
+@pytest.mark.parametrize(("rate", "seconds"), [(50.0, 0.4), (100.0, 0.2), (250.0, 0.2), (500.0, 0.2)])
+@pytest.mark.parametrize("fast", [False, None])
+def test_a_reading_that_stops_is_believed_for_the_same_time_at_every_rate(
+    rate: float, seconds: float, fast: bool | None
+) -> None:
+    """0.2 s, or 20 times as long as one reading takes to come."""
+    calibration, rig, rng = calibrated(1)
+    R, t, stop = _swing(1000), times(1000, rate), int(8.0 * rate) if rate < 100.0 else 500
+    wrench = free(rig, R, rng)
+    wrench[stop:] = wrench[stop]
+    batch = _compensator(calibration, rate=rate, lowpass=None, fast=fast).run(wrench, R, t)
+    flagged = np.flatnonzero([str(reason).startswith("stuck: the whole reading") for reason in batch.reason])
+    assert seconds < t[flagged[0]] - t[stop] < seconds + 1.5 / rate
+    assert flagged.tolist() == list(range(flagged[0], 1000))
+
+
+def test_a_torque_that_is_not_measured_is_not_stuck() -> None:
+    def unmeasured(wrench: Array) -> None:
+        wrench[:, 3:] = 0.0
+
+    assert _words(_run(_swing(12_000), unmeasured)) <= {"contact or bias"}
+
+
 @pytest.mark.parametrize("lost", ["overload", "saturated"])
 def test_a_saturated_channel(lost: str) -> None:
     """With the ranges told at once, naming the channel; without, once it has not moved for too long."""

@@ -23,6 +23,7 @@ LATEST = TIME.most
 SQUARED_TOLERANCE = 0.02
 """As in geometry/orientation.py: an orientation may be off unit length by 1 %."""
 LEAST_REPEATS = 100.0
+"""Of a channel while others move."""
 CHANCE_OF_REPEATS = 207.0
 """-10 log 1e-9: a run of repeated values that independent noise gives once in 10^9, ten times over, as noise that was
 filtered moves that much more slowly."""
@@ -209,7 +210,8 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
 
 @kernel
 def stuck_channel(s: State, reading: Row, now: float) -> int:
-    """The channel that has stood still for longer than its noise and its quantum allow, 6 for all together, or -1.
+    """The channel that has stood still for longer than its noise and its quantum allow, 6 for all together, or -1. One
+    that was never anything but zero is not measured.
 
     Where all six repeat the reading itself was repeated, as a driver does that runs faster than the sensor; that
     is a fault only where it lasts.
@@ -223,7 +225,7 @@ def stuck_channel(s: State, reading: Row, now: float) -> int:
         chance = 0.0
         for k in range(6):
             chance -= s.log_same[k]
-        allowed = max(LEAST_REPEATS, CHANCE_OF_REPEATS / chance) if chance > 0.0 else inf
+        allowed = CHANCE_OF_REPEATS / chance if chance > 0.0 else inf
         return 6 if since > max(0.2, 20.0 * s.new_usual, allowed * min(s.new_usual, 0.01)) else -1
     s.new_usual += 0.05 * (min(since, 1.0) - s.new_usual)
     s.new_time = now
@@ -234,7 +236,8 @@ def stuck_channel(s: State, reading: Row, now: float) -> int:
         if step == 0.0:
             repeats[k] += 1.0
             allowed = CHANCE_OF_REPEATS / -s.log_same[k] if s.log_same[k] < 0.0 else inf
-            if repeats[k] > max(LEAST_REPEATS, allowed):
+            measured = value != 0.0 or quantum[k] < inf
+            if measured and repeats[k] > max(LEAST_REPEATS, allowed):
                 stuck = k
         else:
             repeats[k] = 0.0

@@ -35,6 +35,7 @@ from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
 from .options import Options
 from .read import bag_blocks, batches, pairs_in_batches, reader_of
+from .standing import Standing
 from .tables.columns import Advance, Tell, unheard
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
@@ -42,7 +43,6 @@ from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
-SATURATED = Reason("saturated: a channel stands at its limit", "saturated")
 NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
 
 
@@ -188,7 +188,7 @@ def _paired(
     recording = _telling(batches(path, options, advance=advance, **_at_once(calibration)), path, options, note)
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))
-    compensator, in_doubt = None, InDoubt(calibration.with_gravity(treatment.gravity))
+    compensator, in_doubt, standing = None, InDoubt(calibration.with_gravity(treatment.gravity)), Standing()
     if treatment.judged:
         if treatment.noise is None and calibration.still_noise is None:
             note(f"{NOISE_IS_LEARNED}; --noise states it")
@@ -203,13 +203,13 @@ def _paired(
         )
     for part in chain(begun, parts):
         samples = with_accelerations(part.samples, path, options)
-        wrenches = _of_samples(calibration, compensator, samples, treatment)
+        wrenches = standing.marked(_of_samples(calibration, compensator, samples, treatment), samples)
         if compensator is not None and samples.t is not None and len(samples):
             in_doubt.add(samples, wrenches)
         yield order.whole(wrenches, part)
         for sentence in part.notes:
             note(sentence)
-    if doubt := str(in_doubt):
+    for doubt in filter(None, (str(standing), str(in_doubt))):
         note(doubt)
     if compensator is not None and (last := compensator.last_contact) is not None and last.release is None:
         yield replace(NOTHING, contacts=(last,))
@@ -231,7 +231,7 @@ def _of_samples(
             covariance += there.covariance_in_motion(samples.R_base_flange, motion)
         wrench, std = in_axes(calibration, samples.R_base_flange, wrench, covariance, frame, point)
         std = np.where(np.isfinite(rows.std), std, np.nan)
-    return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)
+    return replace(rows, wrench=wrench, std=std, t=samples.t)
 
 
 def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Iterator[ContactWrenches]:
@@ -255,20 +255,17 @@ class InOrder:
     def __init__(self) -> None:
         self._begin = 0
         self._t: list[Array] = [np.empty(0)]
-        self._saturated: list[NDArray[np.bool_]] = [np.empty(0, dtype=bool)]
         self._ahead: tuple[NDArray[np.intp], ContactWrenches] = (np.empty(0, dtype=np.intp), NOTHING)
 
     def listening(self, recording: Iterable[Streams]) -> Iterator[Streams]:
         """The same batches; the stamps of their readings are kept."""
         for streams in recording:
-            wrench = streams.wrench
-            self._t.append(wrench.t)
-            self._saturated.append(np.zeros(len(wrench), dtype=bool) if wrench.saturated is None else wrench.saturated)
+            self._t.append(streams.wrench.t)
             yield streams
 
     def whole(self, paired: ContactWrenches, part: Synchronized) -> ContactWrenches:
         """All rows from where the last call ended up to the first that is not yet known."""
-        t, saturated = np.concatenate(self._t), np.concatenate(self._saturated)
+        t = np.concatenate(self._t)
         missing = [_missing(left.reason, t[left.rows - self._begin]) for left in part.left_out]
         rows = np.concatenate([self._ahead[0], part.rows, *(left.rows for left in part.left_out)])
         known = ContactWrenches.concatenate([self._ahead[1], paired, *missing])
@@ -276,8 +273,8 @@ class InOrder:
         rows, known = rows[order], known.select(order)
         count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
         self._ahead = rows[count:], replace(known.select(slice(count, None)), contacts=())
-        done = replace(_flagged(known.select(slice(count)), saturated[:count]), t=t[:count])
-        self._begin, self._t, self._saturated = self._begin + count, [t[count:]], [saturated[count:]]
+        done = replace(known.select(slice(count)), t=t[:count])
+        self._begin, self._t = self._begin + count, [t[count:]]
         return done
 
 
@@ -285,10 +282,3 @@ def _missing(reason: str, t: Array) -> ContactWrenches:
     """Rows without a contact wrench."""
     n, nan = len(t), np.full((len(t), 6), np.nan)
     return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (Reason(f"left out: {reason}", reason),) * n)
-
-
-def _flagged(rows: ContactWrenches, saturated: NDArray[np.bool_]) -> ContactWrenches:
-    """Rows whose recording says that a channel stood at its limit are not valid."""
-    new = saturated & rows.valid
-    reasons = (SATURATED if is_new else reason for is_new, reason in zip(new.tolist(), rows.reason, strict=True))
-    return replace(rows, valid=rows.valid & ~new, reason=tuple(reasons)) if new.any() else rows

@@ -177,12 +177,17 @@ class Streams(Frozen):
 
 
 def at_limit(wrench: Array) -> NDArray[np.bool_]:
-    """Whether a channel of readings (n, 6) stands at its largest or smallest value for far longer than it ever stands
-    anywhere else, while others move: (n,). So limits show where the recording does not say so; of a dead channel
+    """Whether a channel of readings (n, 6) stands at its limit: (n,)."""
+    return np.asarray(channels_at_limit(wrench).any(axis=1))
+
+
+def channels_at_limit(wrench: Array) -> NDArray[np.bool_]:
+    """Which channels of readings (n, 6) stand at their largest or smallest value for far longer than they ever stand
+    anywhere else, while others move: (n, 6). So limits show where the recording does not say so; of a dead channel
     nothing does.
     """
-    standing, moves = np.zeros(len(wrench), dtype=bool), np.r_[True, (np.diff(wrench, axis=0) != 0.0).any(axis=1)]
-    for values in wrench.T if len(wrench) else ():
+    standing, moves = np.zeros(wrench.shape, dtype=bool), np.r_[True, (np.diff(wrench, axis=0) != 0.0).any(axis=1)]
+    for k, values in enumerate(wrench.T if len(wrench) else ()):
         first = np.flatnonzero(np.r_[True, np.diff(values) != 0.0])
         length = np.diff(np.r_[first, len(values)])
         level = values[first]
@@ -190,7 +195,8 @@ def at_limit(wrench: Array) -> NDArray[np.bool_]:
         extreme = (level == level.max(where=known, initial=-np.inf)) | (level == level.min(where=known, initial=np.inf))
         extreme &= np.add.reduceat(moves, first, dtype=int) > ALIVE * length
         if (other := known & ~extreme).any():
-            standing |= np.repeat(extreme & (length >= max(LONGEST_CHANCE, TIMES_USUAL * length[other].max())), length)
+            longest = max(LONGEST_CHANCE, TIMES_USUAL * length[other].max())
+            standing[:, k] = np.repeat(extreme & (length >= longest), length)
     return standing
 
 
