@@ -192,7 +192,7 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
 
 def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
     """Of the likeliest member: what each axis' noise contributes to the covariance of the parameters (6, p, p), and the
-    covariance (6, 6) of the logarithms of the axes' variances; a seventh of each are the robot's turns, if there are any.
+    covariance (6, 6) of the logarithms of the axes' variances; a seventh of each are the robot's turns, if any.
     """
     m, best = table.members, table.best
     V = covariance_of_errors(problem, table, best)
