@@ -163,8 +163,10 @@ class Turned:
         two_n = len(self.turns.alike_of_kept)
         return self.base.log_determinant + float(of_turns) + 2.0 * two_n * float(np.log(self.sd))
 
-    def in_common(self, weighted: Array) -> Array:
-        """What all poses (n, 6) are known to be off by turns, from `V^-1 errors` (m, 6) of those kept."""
+    def by_turns(self, weighted: Array) -> Array:
+        """What all poses (n, 6) are known to be off by turns, beside what the `base` has in common, from `V^-1 errors`
+        (m, 6) of those kept.
+        """
         turns = self.sd**2 * self.turns.alike[:, np.repeat(self.turns.kept, 2)] @ self.pull(weighted[..., None])
         return np.asarray((self.turns.reads @ turns.reshape(-1, 2, 1))[..., 0])
 

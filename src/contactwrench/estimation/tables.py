@@ -195,7 +195,7 @@ def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array
     errors = errors - V.constant(errors[table.kept, :, None])[0][:, 0]
     left = V.precision_times(errors[table.kept, :, None])[:, :, 0]
     if isinstance(V, Turned):
-        return errors, V.base.in_common(left), V.in_common(left)
+        return errors, V.base.in_common(left), V.by_turns(left)
     return errors, V.in_common(left), np.zeros_like(errors)
 
 

@@ -79,8 +79,7 @@ class Component:
 class Optimum:
     """The parameters' best under V: `total` (p + 1, p + 1) products of derivatives and errors under V^-1, the
     `weighted` derivatives (n, 6, p), the `covariance` (p, p), `left` (n, 6) V^-1 times what the tool leaves, `chi2` and
-    `dof` (6,) of the axes, the two other components, and what of those of the axes is
-    `of_drift` (2, 6).
+    `dof` (6,) of the axes, the two other components, and what of `chi2` and `dof` is `of_drift` (2, 6).
     """
 
     V: Turned
@@ -183,13 +182,11 @@ def members_of(
     information, pull = np.tile(optimum.total[:p, :p], (m, 1, 1)), np.tile(optimum.total[:p, p], (m, 1))
     information[place] += priors.information[h]
     pull[:, linear.columns] += priors.pull[h]
-    unit = 1.0 / np.sqrt(np.einsum("hpp->hp", information) + 1e-60)
-    scale = unit[:, :, None] * unit[:, None, :]
-    covariance = np.linalg.inv(information * scale + 1e-12 * np.eye(p)) * scale
+    covariance = inverse_of(information)
     step = (covariance @ pull[..., None])[..., 0]
     misfit = optimum.total[p, p] - np.einsum("hp,hp->h", step, pull) + priors.misfit[h]
     information[place] += priors.of_volume[h]
-    log_det = np.linalg.slogdet(information * scale)[1] - 2.0 * np.log(unit).sum(axis=1)
+    log_det = np.linalg.slogdet(information)[1]
     log_evidence = 0.5 * (_log_volume(linear, optimum, strengths) - V.log_determinant - log_det - misfit)
     return Members(
         np.full(m, kernel, dtype=np.intp),
@@ -239,7 +236,7 @@ def log_spread(V: Turned, J: Array, information: Array) -> Array:
 
 
 def inverse_of(information: Array) -> Array:
-    """Of information (p, p), its parameters of any size, none of them left free."""
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(information), 0.0) + 1e-60)
-    scale = np.outer(unit, unit)
-    return np.asarray(np.linalg.inv(information * scale + 1e-12 * np.eye(len(unit))) * scale)
+    """Of information (..., p, p), its parameters of any size, none of them left free."""
+    unit = 1.0 / np.sqrt(np.maximum(np.einsum("...pp->...p", information), 0.0) + 1e-60)
+    scale = unit[..., :, None] * unit[..., None, :]
+    return np.asarray(np.linalg.inv(information * scale + 1e-12 * np.eye(unit.shape[-1])) * scale)
