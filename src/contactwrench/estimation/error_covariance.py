@@ -42,6 +42,7 @@ class AlikeOnAxes:
         mean = (of_one @ values.reshape(len(values), -1) / of_one.sum()).reshape(values.shape[1:])
         return mean, np.diag(self.variance / of_one.sum())
 
+    @property
     def precision_blocks(self) -> Array:
         """The blocks (m, 6, 6) of V^-1 on its diagonal."""
         diagonal = precision_diagonal(self.columns[self.kept], self.strength, self.relative[self.kept])
@@ -69,11 +70,11 @@ class AlikeOnAxes:
 @dataclass(frozen=True, eq=False)
 class Turns:
     """What a turn of each pose by 1 rad about either axis across gravity reads, `reads` (n, 6, 2), and how such turns
-    are `alike` (2 n, 2 n); of the poses `kept` (n,) the same, with the inverse.
+    are `alike` (2 n, 2 n) from pose to pose, None where each is anew; of which poses some are `kept` (n,).
     """
 
     reads: Array
-    alike: Array
+    alike: Array | None
     kept: NDArray[np.bool_]
 
     @cached_property
@@ -82,28 +83,22 @@ class Turns:
         return self.reads[self.kept]
 
     @cached_property
-    def alike_of_kept(self) -> Array:
-        """(2 m, 2 m)."""
-        both = np.repeat(self.kept, 2)
-        return self.alike[np.ix_(both, both)]
-
-    @cached_property
-    def inverse_of_kept(self) -> Array:
-        """(2 m, 2 m)."""
-        return np.asarray(np.linalg.inv(self.alike_of_kept))
-
-    @cached_property
-    def each_of_kept(self) -> Array:
-        """The readings (m, 6, 2 m) as columns of all turns."""
+    def columns(self) -> Array:
+        """What turns read that are alike, (m, 6, 2 m), made of independent parts of unit size; else none (m, 6, 0)."""
         m = len(self.reads_of_kept)
+        if self.alike is None:
+            return np.zeros((m, 6, 0))
         each = np.zeros((m, 6, m, 2))
         each[range(m), :, range(m)] = self.reads_of_kept
-        return each.reshape(m, 6, 2 * m)
+        both = np.repeat(self.kept, 2)
+        return each.reshape(m, 6, 2 * m) @ np.linalg.cholesky(self.alike[np.ix_(both, both)])
 
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """The `base` of another cause, and orientations off by `turns` of `sd` rad an axis."""
+    """The `base` of another cause, and orientations off by `turns` of `sd` rad an axis: of each pose alone, and of
+    columns that poses have in common, drift first (inversion lemma).
+    """
 
     base: AlikeOnAxes
     turns: Turns
@@ -115,60 +110,120 @@ class Turned:
         return np.asarray(self.sd**2 * np.mean(self.turns.reads_of_kept**2, axis=(0, 2)) / self.base.variance)
 
     @property
-    def root_of_turns(self) -> Array:
-        """Columns (m, 6, 2 m) of which turns make the readings, independent and of size one."""
-        return np.asarray(self.sd * self.turns.each_of_kept @ np.linalg.cholesky(self.turns.alike_of_kept))
-
-    @property
     def beyond_first_order(self) -> Array:
         """Variance (6,) of what turns make of a reading beyond first order."""
         return np.asarray(self.sd**4 * np.mean(self.turns.reads_of_kept**2, axis=(0, 2)) + 1e-300)
 
     @cached_property
-    def covariance_of_turns(self) -> Array:
-        """Of the turns (2 m, 2 m) of the poses kept, given errors of the readings."""
-        of_readings = self.pull(self._weighted_turns)
-        return np.asarray(np.linalg.inv(self.turns.inverse_of_kept / self.sd**2 + of_readings))
-
-    def pull(self, weighted: Array) -> Array:
-        """What `weighted` readings (m, 6, c) of the poses kept pull at their turns with, (2 m, c)."""
-        T = self.turns.reads_of_kept.transpose(0, 2, 1)
-        return np.asarray((T @ weighted).reshape(2 * len(T), -1))
+    def noise(self) -> Array:
+        """Standard deviations (6,), in whose units all is here."""
+        return np.sqrt(self.base.variance)
 
     @cached_property
-    def _weighted_turns(self) -> Array:
-        return self.base.precision_times(self.turns.each_of_kept)
+    def own_turns(self) -> Array:
+        """Readings (m, 6, 2) of turns that each pose has for itself, if any, of unit size."""
+        own = self.sd * self.turns.reads_of_kept / self.noise[:, None]
+        return own if self.turns.alike is None else own[:, :, :0]
+
+    @cached_property
+    def columns(self) -> Array:
+        """What poses have in common, (m, 6, c)."""
+        L = self.base.strength * self.base.columns[self.base.kept]
+        drift = (L[:, None, :, None] * np.eye(6)[:, None]).reshape(len(L), 6, 6 * L.shape[1])
+        return np.concatenate([drift, self.sd * self.turns.columns / self.noise[:, None]], axis=2)
+
+    @cached_property
+    def _own(self) -> Array:
+        """Of each pose alone, (m, 6, 6)."""
+        relative = self.base.relative[self.base.kept, None, None]
+        return np.asarray(relative * np.eye(6) + self.own_turns @ self.own_turns.transpose(0, 2, 1))
+
+    @cached_property
+    def own_precision(self) -> Array:
+        """The inverse of what each reading has for itself, (m, 6, 6)."""
+        return np.asarray(np.linalg.inv(self._own))
+
+    @cached_property
+    def weighted_columns(self) -> Array:
+        """(m, 6, c), by what each reading has for itself."""
+        return self.own_precision @ self.columns
+
+    @cached_property
+    def left_in_common(self) -> Array:
+        """Covariance (c, c) of the parts of unit size that poses have in common, given their readings."""
+        m, _, c = self.columns.shape
+        of_readings = self.columns.reshape(6 * m, c).T @ self.weighted_columns.reshape(6 * m, c)
+        return np.asarray(np.linalg.inv(np.eye(c) + of_readings))
+
+    def pull(self, weighted: Array) -> Array:
+        """What `weighted` readings (m, 6, k) pull at the parts with that poses have in common, (c, k)."""
+        m, _, c = self.columns.shape
+        flat = (weighted * self.noise[:, None]).reshape(6 * m, weighted.shape[2])
+        return np.asarray(self.columns.reshape(6 * m, c).T @ flat)
 
     def precision_times(self, values: Array) -> Array:
-        """`V^-1 values` of the poses kept, (m, 6, c)."""
-        weighted = self.base.precision_times(values)
-        return np.asarray(weighted - self._weighted_turns @ (self.covariance_of_turns @ self.pull(weighted)))
+        """`V^-1 values` of the poses kept, (m, 6, k)."""
+        weighted = self.own_precision @ (values / self.noise[:, None]) / self.noise[:, None]
+        in_common = self.weighted_columns @ (self.left_in_common @ self.pull(weighted))
+        return np.asarray(weighted - in_common / self.noise[:, None])
+
+    def along_drift(self, weighted: Array) -> Array:
+        """The same of a drift's parts, (q, 6, k), the parts of each column being its axes."""
+        return self.pull(weighted)[: self._of_drift].reshape(-1, 6, weighted.shape[2])
+
+    def along_turns(self, weighted: Array) -> Array:
+        """The same of all turns', (2 m, k)."""
+        own = self.own_turns.transpose(0, 2, 1) @ (weighted * self.noise[:, None])
+        return np.concatenate(
+            [self.pull(weighted)[self._of_drift :], own.reshape(own.shape[1] * len(own), weighted.shape[2])]
+        )
+
+    @property
+    def _of_drift(self) -> int:
+        """How many of the columns are a drift's."""
+        return 6 * int(self.base.columns.shape[1])
+
+    @property
+    def dof_of_drift(self) -> Array:
+        """Of its parts (q, 6), were the tool known."""
+        return 1.0 - np.diag(self.left_in_common)[: self._of_drift].reshape(-1, 6)
+
+    @property
+    def dof_of_turns(self) -> float:
+        """Of all of them, were the tool known."""
+        of_own = self.own_turns * (self.precision_blocks * np.outer(self.noise, self.noise) @ self.own_turns)
+        return float(np.sum(1.0 - np.diag(self.left_in_common)[self._of_drift :])) + float(np.sum(of_own))
+
+    @cached_property
+    def precision_blocks(self) -> Array:
+        """The blocks (m, 6, 6) of V^-1 on its diagonal."""
+        W = self.weighted_columns
+        blocks = self.own_precision - (W @ self.left_in_common) @ W.transpose(0, 2, 1)
+        return np.asarray(blocks / np.outer(self.noise, self.noise))
 
     def constant(self, values: Array) -> tuple[Array, Array]:
-        """The constant (6, c) nearest to `values` (m, 6, c), and the covariance (6, 6) of one that errors leave."""
+        """The constant (6, k) nearest to `values` (m, 6, k), and the covariance (6, 6) of one that errors leave."""
         one = np.tile(np.eye(6), (len(values), 1, 1))
         total = self.precision_times(np.concatenate([one, values], axis=2)).sum(axis=0)
         covariance = np.linalg.inv(total[:, :6])
         return covariance @ total[:, 6:], covariance
 
-    def precision_blocks(self) -> Array:
-        """The blocks (m, 6, 6) of V^-1 on its diagonal."""
-        W = self._weighted_turns
-        return np.asarray(self.base.precision_blocks() - (W @ self.covariance_of_turns) @ W.transpose(0, 2, 1))
-
     @property
     def log_determinant(self) -> float:
         """Of V of the poses kept."""
-        of_turns = np.linalg.slogdet(self.turns.alike_of_kept)[1] - np.linalg.slogdet(self.covariance_of_turns)[1]
-        two_n = len(self.turns.alike_of_kept)
-        return self.base.log_determinant + float(of_turns) + 2.0 * two_n * float(np.log(self.sd))
+        of_each = np.linalg.slogdet(self._own)[1] + np.sum(np.log(self.base.variance))
+        return float(np.sum(of_each) - np.linalg.slogdet(self.left_in_common)[1])
 
     def by_turns(self, weighted: Array) -> Array:
         """What all poses (n, 6) are known to be off by turns, beside what the `base` has in common, from `V^-1 errors`
         (m, 6) of those kept.
         """
-        turns = self.sd**2 * self.turns.alike[:, np.repeat(self.turns.kept, 2)] @ self.pull(weighted[..., None])
-        return np.asarray((self.turns.reads @ turns.reshape(-1, 2, 1))[..., 0])
+        kept, reads, alike = self.turns.kept, self.turns.reads, self.turns.alike
+        turns = np.zeros((len(kept), 2))
+        turns[kept] = self.sd**2 * (reads[kept].transpose(0, 2, 1) @ weighted[..., None])[..., 0]
+        if alike is not None:
+            turns = (alike @ turns.ravel()).reshape(-1, 2)
+        return np.asarray((reads @ turns[..., None])[..., 0])
 
 
 ErrorCovariance: TypeAlias = AlikeOnAxes | Turned

@@ -65,7 +65,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     first = found[0]
     proposed = {kept.tobytes(): kept for kept in (on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS]))}
     of_levels = [
-        settled(_as_two_levels(problem, kept), first.tool, everything, hypotheses)
+        _of_levels(_as_two_levels(problem, kept), first, hypotheses)
         for kept in proposed.values()
         if np.isfinite(log_prior_two_levels(len(kept), int(np.sum(~kept))))
     ]
@@ -81,6 +81,16 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
             for t in others
         ),
     ]
+
+
+def _of_levels(problem: Problem, first: Table, hypotheses: tuple[Hypothesis, ...]) -> Table:
+    """The table of poses on two levels, beside the `first` without: where it comes nowhere near, linearised there."""
+    everything = np.ones(len(problem.wrench), dtype=bool)
+    if (first.members.robot < 0).all():
+        rough = table_at(replace(problem, robot=()), first.tool, everything, hypotheses)
+        if rough.log_evidence < first.log_evidence - 2.0 * FAR:
+            return rough
+    return settled(problem, first.tool, everything, hypotheses)
 
 
 def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
@@ -153,9 +163,5 @@ def _deletion(problem: Problem, table: Table) -> tuple[Array, Array]:
     Z, of_bias = of_J[:, :, problem.columns], of_J[:, :, 4:10]
     own = np.linalg.inv(of_bias.sum(axis=0))
     Z = Z - of_bias @ own @ Z.sum(axis=0)
-    D = (
-        V.precision_blocks()
-        - of_bias @ own @ of_bias.transpose(0, 2, 1)
-        - Z @ m.covariance[best] @ Z.transpose(0, 2, 1)
-    )
+    D = V.precision_blocks - of_bias @ own @ of_bias.transpose(0, 2, 1) - Z @ m.covariance[best] @ Z.transpose(0, 2, 1)
     return of_errors - of_bias @ own @ of_errors.sum(axis=0), D

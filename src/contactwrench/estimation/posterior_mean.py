@@ -208,7 +208,7 @@ def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
     by_axis = np.concatenate([of_noise, of_kernel])
     of_axes: Array = by_axis.transpose(1, 2, 0) @ by_axis.transpose(1, 0, 2)
     if isinstance(V, Turned):
-        of_turns = np.tensordot(V.root_of_turns, of_reading, ((0, 1), (0, 1)))
+        of_turns = V.along_turns(of_reading)
         return np.concatenate([of_axes, (of_turns.T @ of_turns)[None]]), log_spread(V, J, information)
     return of_axes, problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
 

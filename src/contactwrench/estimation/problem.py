@@ -22,7 +22,8 @@ BEYOND_WALL = 0.2
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of their errors, the parameters `names`,
-    the question, what is known of the noise, and how the `robot`'s errors may be alike from pose to pose, (n, n) each.
+    the question, what is known of the noise, and how the `robot`'s errors may be alike from pose to
+    pose, (n, n), None: not at all.
     """
 
     R_base_flange: Array
@@ -32,7 +33,7 @@ class Problem:
     names: tuple[str, ...]
     question: Question
     noise: NoiseModel
-    robot: tuple[Array, ...] = ()
+    robot: tuple[Array | None, ...] = ()
 
     @property
     def columns(self) -> list[int]:

@@ -88,7 +88,7 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     start = relative_variances(question.noise) * max(float(np.mean(spread[:, :3] ** 2)), 1e-20)
     if question.noise is not None:
         start = relative_variances(question.noise)
-    robot: tuple[Array, ...] = ()
+    robot: tuple[Array | None, ...] = ()
     drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
     if not plain and n > FEWEST_FOR_ORIENTATION and question.earlier is None:
         errors = orientation_errors(readings.R_base_flange, question.gravity_direction, readings.time is not None)

@@ -22,7 +22,7 @@ from ..model import RigidTool, gravity_in_flange, wrench_matrix
 from .bias_drift import Kernels
 from .error_covariance import AlikeOnAxes, Turned, Turns
 from .least_squares import Members
-from .variance_components import USUAL, Linear, Optimum, along_axes, at_optimum, shows
+from .variance_components import LEAST, USUAL, Linear, Optimum, along_axes, at_optimum, look_at, shows
 
 ODDS = 1.0
 """Before the readings, that robots err so that it may show."""
@@ -30,8 +30,8 @@ ODDS = 1.0
 CORRELATION = 0.85
 """Of the error from one pose to the next, where they have one in common."""
 
-MOST_POSES = 100
-"""With more, poses taken on the way most often, what a robot errs by passes for noise."""
+MOST_ALIKE = 100
+"""Poses: with more, taken on the way most often, each has an error for itself."""
 
 OF_NOISE = 0.25
 """Of the variance that is left where nothing turns: the noise to begin with, the rest being turns."""
@@ -41,25 +41,25 @@ MOST_BESIDE, CLOSE_BESIDE = 3, 4.0
 or none, from which on."""
 
 
-def turns_of_robot(n: int, in_order: bool) -> tuple[Array, ...]:
-    """How errors (n, n) of the robot's orientation may be alike: not at all or, where poses are known to be `in_order`,
-    from one to the next.
+def turns_of_robot(n: int, in_order: bool) -> tuple[Array | None, ...]:
+    """How errors of the robot's orientation may be alike at n poses: not at all, None, or, where poses are known to be
+    `in_order`, from one to the next, (n, n).
     """
-    if n > MOST_POSES:
-        return ()
-    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
-    return (np.eye(n), CORRELATION**apart) if in_order else (np.eye(n),)
+    if not in_order or n > MOST_ALIKE:
+        return (None,)
+    return (None, CORRELATION ** np.abs(np.subtract.outer(np.arange(n), np.arange(n))))
 
 
-def turns_across_gravity(tool: RigidTool, R_base_flange: Array, alike: Array, kept: NDArray[np.bool_]) -> Turns:
-    """Of poses (n,) whose turns about the flange's axes are `alike` (n, n) from pose to pose."""
+def turns_across_gravity(tool: RigidTool, R_base_flange: Array, alike: Array | None, kept: NDArray[np.bool_]) -> Turns:
+    """Of poses (n,) whose turns about the flange's axes are `alike` (n, n) from pose to pose, None: not at all."""
     r = gravity_in_flange(R_base_flange, tool.gravity_direction)
     one = np.cross(r, np.eye(3)[np.argmin(np.abs(r), axis=1)])
     one /= np.linalg.norm(one, axis=1, keepdims=True)
     about = np.stack([one, np.cross(r, one)], axis=2)
-    flat = about.transpose(1, 0, 2).reshape(3, -1)
-    covariance = np.repeat(np.repeat(alike, 2, axis=0), 2, axis=1) * (flat.T @ flat)
-    return Turns(_reading(tool, r) @ about, covariance, kept)
+    if alike is not None:
+        flat = about.transpose(1, 0, 2).reshape(3, -1)
+        alike = np.repeat(np.repeat(alike, 2, axis=0), 2, axis=1) * (flat.T @ flat)
+    return Turns(_reading(tool, r) @ about, alike, kept)
 
 
 def variance_of_turns(tool: RigidTool, R_base_flange: Array) -> Array:
@@ -86,26 +86,36 @@ def likely_with(
         others: its members without turns.
         among: the kernels to look at, a steady bias among them where there is one.
     """
-    beside = {
-        k: _first(linear, replace(base, variance=own), turns) for k, own in _likely_alone(kernels, others).items()
-    }
     steady = kernels.drift[among] == 0
-    alone = at_optimum(linear, _first(linear, base, turns))
+    beside = {
+        k: V
+        for k, variance in _likely_alone(kernels, others).items()
+        if (V := _begun(linear, _with_drift(replace(base, variance=variance), kernels, k), turns)) is not None
+    }
     found: dict[int, tuple[int, Optimum]] = {}
-    if shows(alone.V):
-        found = {int(kernels.drift[k]): (int(k), alone) for k in among[steady]}
-        beside |= dict.fromkeys(_likely_beside(linear, alone, kernels, among[~steady]), alone.V)
+    begun = _begun(linear, base, turns)
+    if begun is not None:
+        alone = at_optimum(linear, begun)
+        if shows(alone.V):
+            found = {int(kernels.drift[k]): (int(k), alone) for k in among[steady]}
+            beside |= dict.fromkeys(_likely_beside(linear, alone, kernels, among[~steady]), alone.V)
     for k, V in beside.items():
-        drift, strength = kernels.drifts[kernels.drift[k]], float(kernels.strength[k])
-        start = replace(V, base=replace(V.base, columns=drift.columns, strength=strength))
-        optimum = at_optimum(linear, start, drift.strengths)
+        start = replace(V, base=_with_drift(V.base, kernels, k))
+        optimum = at_optimum(linear, start, kernels.drifts[kernels.drift[k]])
         if shows(optimum.V):  # begun at two strengths, a drift comes to one
             found[int(kernels.drift[k])] = (k, optimum)
     return list(found.values())
 
 
-def _first(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned:
-    """Where to begin: most of the noise is turns."""
+def _with_drift(base: AlikeOnAxes, kernels: Kernels, k: int) -> AlikeOnAxes:
+    return replace(base, columns=kernels.drifts[kernels.drift[k]].columns, strength=float(kernels.strength[k]))
+
+
+def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
+    """Where to begin: most of the noise is turns; None where the evidence falls with the first of them."""
+    little = look_at(linear, Turned(base, turns, LEAST)).turns
+    if little.chi2 <= little.dof:
+        return None
     load = max(float(np.mean(turns.reads_of_kept[:, :3] ** 2)), 1e-300)
     sd = float(np.sqrt((1.0 - OF_NOISE) * np.mean(base.variance[:3]) / load))
     V = Turned(base, turns, min(sd, USUAL))
@@ -133,17 +143,18 @@ def _likely_beside(linear: Linear, alone: Optimum, kernels: Kernels, among: NDAr
     base = alone.V.base
     odds = kernels.log_plausible(among, kernels.strength[among], base.of_forces, linear.weight)
     odds = odds + kernels.log_prior[among]
-    likeliest = []
-    for drift in np.unique(kernels.drift[among]):
-        here = np.flatnonzero(kernels.drift[among] == drift)
-        L = kernels.drifts[drift].columns[base.kept]
-        weighs = along_axes(linear, alone, L) * base.variance[:, None, None]
-        value, vectors = np.linalg.eigh(weighs)
-        pulled = ((L.T @ alone.left * np.sqrt(base.variance)).T[:, None] @ vectors)[:, 0] ** 2
+    columns, score = np.array([drift.columns.shape[1] for drift in kernels.drifts])[kernels.drift[among]], odds
+    for q in np.unique(columns).tolist():
+        here = np.flatnonzero(columns == q)
+        drifts, of_kernel = np.unique(kernels.drift[among[here]], return_inverse=True)
+        L = np.stack([kernels.drifts[drift].columns[base.kept].T for drift in drifts])  # (d, q, m)
+        weighted = along_axes(alone, L.reshape(-1, L.shape[2]).T).reshape(6, -1, *L.shape[:2]).transpose(2, 0, 1, 3)
+        value, vectors = np.linalg.eigh(L[:, None] @ weighted * base.variance[:, None, None])
+        pulls = (L @ alone.left * np.sqrt(base.variance)).transpose(0, 2, 1)
+        pulled = (pulls[:, :, None] @ vectors)[:, :, 0] ** 2
         squared = kernels.strength[among[here], None, None] ** 2
-        grown = squared * np.maximum(value, 0.0)
-        gain = 0.5 * np.sum(squared * pulled / (1.0 + grown) - np.log1p(grown), axis=(1, 2)) + odds[here]
-        best = int(np.argmax(gain))
-        likeliest.append((float(gain[best]), int(among[here[best]])))
-    likeliest = sorted(likeliest, reverse=True)[:MOST_BESIDE]
-    return [k for score, k in likeliest if score > max(likeliest[0][0], 0.0) - CLOSE_BESIDE]
+        grown = squared * np.maximum(value, 0.0)[of_kernel]
+        score[here] += 0.5 * np.sum(squared * pulled[of_kernel] / (1.0 + grown) - np.log1p(grown), axis=(1, 2))
+    order = np.argsort(-score)
+    first = np.sort(np.unique(kernels.drift[among[order]], return_index=True)[1])[:MOST_BESIDE]
+    return [int(among[k]) for k in order[first] if score[k] > max(float(score.max()), 0.0) - CLOSE_BESIDE]

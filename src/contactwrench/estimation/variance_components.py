@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..geometry.arrays import Array
-from .bias_drift import APART, STRENGTHS
+from .bias_drift import APART, SHARE_OF_WEIGHT, STRENGTHS, Drift
 from .error_covariance import Turned
 from .least_squares import Members, Priors
 from .noise import ALIKE, LARGEST_STEP, LEAST_DOF, OFF_GROUP, NoiseModel
@@ -94,8 +94,10 @@ class Optimum:
     of_drift: Array
 
 
-def look_at(linear: Linear, V: Turned) -> Optimum:
-    """The parameters under V, and the widest hypothesis."""
+def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Optimum:
+    """The parameters under V, and the widest hypothesis; the `usual_share` of the weight that its drift has, None: any
+    size is as likely.
+    """
     hypothesis = np.flatnonzero(linear.priors.apart == ALIKE)[-1]
     n, _, p = linear.J.shape
     base = V.base
@@ -110,25 +112,22 @@ def look_at(linear: Linear, V: Turned) -> Optimum:
     step = np.r_[-covariance @ pull, 1.0]
     left, of_J = weighted @ step, weighted[:, :, :p]
     relative = base.relative[base.kept]
-    spread = np.einsum("naa->na", V.precision_blocks()) - np.sum((of_J @ covariance) * of_J, axis=2)
-    turned, of_parameters = V.pull(weighted) @ step, V.pull(of_J)
-    to_turns = V.sd**2 * V.turns.alike_of_kept
-    dof = 2.0 * n - float(np.sum(V.turns.inverse_of_kept * V.covariance_of_turns)) / V.sd**2
-    dof -= float(np.sum((to_turns @ of_parameters) * (of_parameters @ covariance)))
-    usual = (V.sd / USUAL) ** 2
-    turns = Component(float(turned @ to_turns @ turned), dof, 0.5 * (usual - 1.0), 0.5 * usual)
-    chi2, dof_of_axes = relative @ left**2 * base.variance, relative @ spread * base.variance
-    none = Component(0.0, 0.0)
-    found = Optimum(V, total, of_J, covariance, left, chi2, dof_of_axes, none, turns, np.zeros((2, 6)))
-    if base.strength == 0.0:
-        return found
-    L = base.columns[base.kept]
-    unit = base.strength**2 * base.variance
-    of_chi2 = unit * np.sum((L.T @ left) ** 2, axis=0)
-    of_dof = unit * np.einsum("aqq->a", along_axes(linear, found, L))
-    drift = Component(float(of_chi2.sum()), float(of_dof.sum()))
-    of_drift = np.array([of_chi2, of_dof])
-    return replace(found, chi2=chi2 + of_chi2, dof=dof_of_axes + of_dof, drift=drift, of_drift=of_drift)
+    spread = np.einsum("naa->na", V.precision_blocks) - np.sum((of_J @ covariance) * of_J, axis=2)
+    along, turned = V.along_drift(of_J), V.along_turns(of_J)
+    of_drift = np.array([V.along_drift(left[..., None])[..., 0] ** 2, V.dof_of_drift]).sum(axis=1)
+    of_drift[1] -= np.sum((along @ covariance) * along, axis=(0, 2))
+    dof = V.dof_of_turns - float(np.sum((turned @ covariance) * turned))
+    turns = Component(float(np.sum(V.along_turns(left[..., None]) ** 2)), dof, *_half_normal(V.sd / USUAL))
+    size = base.strength * base.of_forces / max(abs(linear.weight), 1e-12)
+    known = _half_normal(size / usual_share) if usual_share else (0.0, 0.0)
+    drift = Component(float(of_drift[0].sum()), float(of_drift[1].sum()), *known)
+    chi2, dof = np.array([relative @ left**2, relative @ spread]) * base.variance + of_drift
+    return Optimum(V, total, of_J, covariance, left, chi2, dof, drift, turns, of_drift)
+
+
+def _half_normal(size: float) -> tuple[float, float]:
+    """Slope and curvature of minus the logarithm of its density, in the logarithm of the square of a `size`."""
+    return 0.5 * (size**2 - 1.0), 0.5 * size**2
 
 
 def shows(V: Turned) -> bool:
@@ -136,12 +135,14 @@ def shows(V: Turned) -> bool:
     return V.sd > LEAST and float(V.shares[:3].mean()) > SHOWING and float(V.shares.max()) < BEYOND
 
 
-def at_optimum(linear: Linear, V: Turned, strengths: Array = STRENGTHS) -> Optimum:
-    """The best noise, drift and turns, from those of V on, as long as turns show; the drift, which a change of the
-    noise leaves as large as it is, within its `strengths`.
+def at_optimum(linear: Linear, V: Turned, drift: Drift | None = None) -> Optimum:
+    """The best noise, turns and strength of a `drift`, from those of V on, as long as turns show; a change of the noise
+    leaves the drift as large as it is.
     """
+    usual_share = None if drift is None else SHARE_OF_WEIGHT.get(drift.kind)
+    strengths = STRENGTHS if drift is None else drift.strengths
     for _ in range(MOST_PASSES):
-        found, base = look_at(linear, V), V.base
+        found, base = look_at(linear, V, usual_share), V.base
         log_variance, (chi2, dof) = np.log(base.variance), np.array([found.chi2, found.dof]) - found.of_drift
         squares, dof = (chi2 * base.variance)[None], np.maximum(dof, 0.0)[None]
         better = linear.noise.improved(log_variance[None], squares, dof, np.array([ALIKE]), first=False)[0]
@@ -159,15 +160,22 @@ def at_optimum(linear: Linear, V: Turned, strengths: Array = STRENGTHS) -> Optim
     return found
 
 
-def along_axes(linear: Linear, found: Optimum, L: Array) -> Array:
-    """What columns L (n, q) weigh on each axis (6, q, q), the parameters free."""
-    n, q = L.shape
-    each = np.zeros((n, 6, 6, q))
-    each[:, range(6), range(6)] = L[:, None]
-    weighted = found.V.precision_times(each.reshape(n, 6, 6 * q)).reshape(n, 6, 6, q)
-    own = np.einsum("np,naaq->apq", L, weighted, optimize=True)
-    of_L = np.einsum("nq,nap->aqp", L, found.weighted, optimize=True)
-    return np.asarray(own - of_L @ found.covariance @ of_L.transpose(0, 2, 1))
+def along_axes(found: Optimum, L: Array) -> Array:
+    """Columns L (m, k) weighed along each axis (6, m, k), the parameters free."""
+    V = found.V
+    W, known = _in_common(V, found.weighted, found.covariance)
+    W = W.transpose(1, 0, 2)
+    own = np.einsum("maa->am", V.own_precision)[:, :, None]
+    return np.asarray((own * L - W @ (known @ (W.transpose(0, 2, 1) @ L))) / V.base.variance[:, None, None])
+
+
+def _in_common(V: Turned, weighted: Array, covariance: Array) -> tuple[Array, Array]:
+    """What readings have in common by a drift, turns and parameters, in units of the noise and weighed by what each has
+    for itself, (m, 6, r), and its covariance (r, r) given the readings; `weighted` derivatives (m, 6, p) under V^-1.
+    """
+    c, p = V.columns.shape[2], len(covariance)
+    known = np.block([[V.left_in_common, np.zeros((c, p))], [np.zeros((p, c)), covariance]])
+    return np.concatenate([V.weighted_columns, weighted * V.noise[:, None]], axis=2), known
 
 
 def members_of(
@@ -219,17 +227,24 @@ def log_spread(V: Turned, J: Array, information: Array) -> Array:
     """Covariance (7, 7) of the logarithms of the axes' variances, and of the turns': they share what is left, so that
     each is known less well than alone (`NoiseModel.log_spread`). J (m, 6, p), `information` (p, p) of the parameters.
     """
-    m, base = len(J), V.base
-    flat = V.precision_times(np.eye(6 * m).reshape(m, 6, 6 * m)).reshape(6 * m, 6 * m)
-    of_J = flat @ J.reshape(6 * m, -1)
-    P = flat - of_J @ inverse_of(information) @ of_J.T
-    root = np.sqrt(np.outer(base.relative[base.kept], base.variance).ravel())
-    L = base.strength * base.columns[base.kept]
-    of_axes = np.concatenate([np.diag(root), np.kron(L, np.diag(np.sqrt(base.variance)))], axis=1)
-    turned = V.root_of_turns.reshape(6 * m, -1)
-    both = np.concatenate([of_axes, turned], axis=1)
-    one = np.eye(7)[np.r_[np.tile(np.arange(6), m + L.shape[1]), np.full(turned.shape[1], 6)]]
-    fisher = 0.5 * one.T @ (both.T @ P @ both) ** 2 @ one
+    m, _, c = V.columns.shape
+    W, known = _in_common(V, V.precision_times(J), inverse_of(information))
+    root = np.sqrt(V.base.relative[V.base.kept])[:, None, None]
+    each = np.concatenate([root * np.eye(6), V.own_turns], axis=2)  # (m, 6, k), what each reading has for itself
+    of_each, k = each.transpose(0, 2, 1) @ W, each.shape[2]
+    own = each.transpose(0, 2, 1) @ V.own_precision @ each
+    products = known @ (of_each.transpose(1, 2, 0) @ of_each.transpose(1, 0, 2))  # (k, r, r)
+    of_columns = V.columns.reshape(6 * m, c).T @ W.reshape(6 * m, -1)
+    across = V.weighted_columns.transpose(0, 2, 1) @ each - of_columns @ known @ of_each.transpose(0, 2, 1)
+    within = of_columns[:, :c] - of_columns @ known @ of_columns.T
+    q = V.base.columns.shape[1]
+    one = np.eye(7)[np.r_[np.arange(k), np.tile(np.arange(6), q), np.full(c - 6 * q, 6)].clip(max=6)]
+    squares = np.zeros((k + c, k + c))
+    squares[:k, :k] = np.sum(own * (own - 2.0 * of_each @ known @ of_each.transpose(0, 2, 1)), axis=0)
+    squares[:k, :k] += np.tensordot(products, products.transpose(0, 2, 1), ((1, 2), (1, 2)))
+    squares[k:, :k] = np.sum(across**2, axis=0)
+    squares[:k, k:], squares[k:, k:] = squares[k:, :k].T, within**2
+    fisher = 0.5 * one.T @ squares @ one
     fisher[:6, :6] += OFF_GROUP / ALIKE**2
     fisher[6, 6] += 0.5 * (V.sd / USUAL) ** 2
     return np.asarray(np.linalg.inv(fisher + LEAST_DOF * np.eye(7)))
