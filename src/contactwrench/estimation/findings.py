@@ -22,6 +22,7 @@ from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
 from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, weighs_next_to_nothing
 from .priors import Question
+from .robot_errors import turns_of_robot
 
 WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
 """Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
@@ -82,7 +83,7 @@ def doubts(
             rows.append(_gain_of_axis(estimate, readings))
     if question.earlier is None and not (stated and estimate.reduced_chi2 < STATED_NOISE_RATIO):
         rows.append(_poor_fit(estimate))
-    rows.append(_correlated_poses(estimate))
+    rows.append(_correlated_poses(estimate, readings))
     if question.earlier is None:
         rows.append(_unconfirmed(estimate))
         text = "no pose can be left out for a held-out error: record more poses"
@@ -223,12 +224,14 @@ def _unconfirmed(fit: Estimate) -> Row:
     return share > POOR_SHARE and missed > FAR_MORE * fit.force_left, DOUBTFUL, Kind.UNCONFIRMED, text
 
 
-def _correlated_poses(fit: Estimate) -> Row:
+def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
     """What is left in one pose is left in the next as well: poses are taken for independent, which rows taken on the
-    way are not, and no std holds.
+    way are not, and no std holds. Errors of the robot may be alike where that is counted.
     """
     n = len(fit.residuals)
-    left = fit.beyond_robot / np.maximum(np.sqrt(np.mean(fit.beyond_robot**2, axis=0)), 1e-300)
+    counted = len(turns_of_robot(len(readings), readings.time is not None)) > 1
+    left = fit.beyond_robot if counted else fit.residuals
+    left = left / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-300)
     alike = float(np.mean(left[1:] * left[:-1])) if n >= FEWEST_IN_A_ROW else 0.0
     worth = (1.0 - alike) / max(1.0 + alike, 1e-300)
     text = (

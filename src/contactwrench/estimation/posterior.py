@@ -69,7 +69,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
         for kept in proposed.values()
         if np.isfinite(log_prior_two_levels(len(kept), int(np.sum(~kept))))
     ]
-    whole = sorted([*found, *of_levels], key=lambda table: -table.log_evidence)
+    whole = sorted([*found, *filter(None, of_levels)], key=lambda table: -table.log_evidence)
     first = whole[0]
     others = [t for t in whole[1:] if t.log_evidence > first.log_evidence - FAR]
     return [
@@ -83,13 +83,14 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     ]
 
 
-def _of_levels(problem: Problem, first: Table, hypotheses: tuple[Hypothesis, ...]) -> Table:
-    """The table of poses on two levels, beside the `first` without: where it comes nowhere near, linearised there."""
+def _of_levels(problem: Problem, first: Table, hypotheses: tuple[Hypothesis, ...]) -> Table | None:
+    """The table of poses on two levels, beside the `first` without; None where it comes nowhere near."""
     everything = np.ones(len(problem.wrench), dtype=bool)
     if (first.members.robot < 0).all():
-        rough = table_at(replace(problem, robot=()), first.tool, everything, hypotheses)
+        likeliest = (first.hypotheses[first.members.hypothesis[first.best]],)
+        rough = table_at(replace(problem, robot=()), first.tool, everything, likeliest)
         if rough.log_evidence < first.log_evidence - 2.0 * FAR:
-            return rough
+            return None
     return settled(problem, first.tool, everything, hypotheses)
 
 

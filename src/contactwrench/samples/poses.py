@@ -66,7 +66,8 @@ def averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
 def rows_of(label: NDArray[np.intp]) -> Sequence[slice | NDArray[np.intp]]:
     """The rows of each label (0, 1, ...), in that order."""
     in_order = bool((label[1:] >= label[:-1]).all())
-    order = np.arange(len(label)) if in_order else np.argsort(label, kind="stable")
+    few = label.astype(np.int16) if label.max() < np.iinfo(np.int16).max else label  # which sorts in linear time
+    order = np.arange(len(label)) if in_order else np.argsort(few, kind="stable")
     edges = np.flatnonzero(np.r_[True, np.diff(label[order]) != 0, True])
     ends = list(pairwise(edges[int(label[order[0]] < 0) :].tolist()))
     return [slice(a, b) for a, b in ends] if in_order else [order[a:b] for a, b in ends]
@@ -93,23 +94,35 @@ def _span(t: Array | None, rows: slice | NDArray[np.intp]) -> tuple[float | None
     return (None, None) if t is None else (float(t[rows].min()), float(t[rows].max()))
 
 
-def label_orientations(R: Array) -> NDArray[np.intp]:
-    """A label per row, 0, 1, ... in order of first appearance; equal for rows within `SAME_POSE_ANGLE`.
+def cells_of(R: Array, size: float) -> NDArray[np.int64]:
+    """A key for each orientation (n, 3, 3), equal for those whose elements round to the same multiples of `size`."""
+    return np.rint(R.reshape(-1, 9) * (1.0 / size)).astype(np.int64) @ _HASH
 
-    Rows are first collected into cells much smaller than that angle, so that a million rows at a few
-    orientations cost a sort; each cell then joins the first pose that is near enough.
+
+def nearly_equal(R: Array) -> tuple[Array, NDArray[np.intp]]:
+    """The orientations (k, 3, 3) that are in rows R (n, 3, 3), in order of first appearance, which of these each row
+    has, (n,), where they differ by much less than `SAME_POSE_ANGLE`: a million rows at a few cost a sort.
     """
-    from scipy.spatial import cKDTree
-
-    n = len(R)
-    key = np.rint(R.reshape(n, 9) * (1.0 / _CELL)).astype(np.int64) @ _HASH
-    run_start = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if n else np.empty(0, dtype=np.intp)
-    _, first_run, cell_of_run = np.unique(key[run_start], return_index=True, return_inverse=True)
+    key = cells_of(R, _CELL)
+    run_start = np.flatnonzero(np.r_[True, key[1:] != key[:-1]][: len(R)])
+    cells = np.unique(key[run_start])
+    cell_of_run, first_run = np.searchsorted(cells, key[run_start]), np.empty(len(cells), dtype=np.intp)
+    first_run[cell_of_run[::-1]] = np.arange(len(run_start))[::-1]
     by_appearance = np.argsort(first_run)
     rank = np.empty(len(by_appearance), dtype=np.intp)
     rank[by_appearance] = np.arange(len(by_appearance))
-    corners = R[run_start[first_run[by_appearance]]].reshape(-1, 9)
+    run_length = np.diff(np.r_[run_start, len(R)])
+    return R[run_start[first_run[by_appearance]]], np.repeat(rank[cell_of_run], run_length)
 
+
+def label_orientations(R: Array) -> NDArray[np.intp]:
+    """A label per row, 0, 1, ... in order of first appearance; equal for rows within `SAME_POSE_ANGLE`: those that are
+    nearly equal together join the first pose that is near enough.
+    """
+    from scipy.spatial import cKDTree
+
+    some, of_row = nearly_equal(R)
+    corners = some.reshape(-1, 9)
     pose_of_cell = np.full(len(corners), -1, dtype=np.intp)
     radius = 2.0 * np.sqrt(2.0) * np.sin(SAME_POSE_ANGLE / 2.0)
     tree = cKDTree(corners) if len(corners) else None
@@ -120,8 +133,7 @@ def label_orientations(R: Array) -> NDArray[np.intp]:
         near = np.asarray(tree.query_ball_point(corner, radius))
         pose_of_cell[near[pose_of_cell[near] < 0]] = count
         count += 1
-    run_length = np.diff(np.r_[run_start, n])
-    return np.repeat(pose_of_cell[rank[cell_of_run]], run_length)
+    return pose_of_cell[of_row]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import angles_between, rotation_log
 from .creep import MOST_STOPS, Creep, Stop, creep_of
-from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, mean_poses, visits
+from .poses import SAME_POSE_ANGLE, Pose, averaged, cells_of, label_orientations, mean_poses, nearly_equal, visits
 from .samples import SLOWEST, Samples
 from .slow_motion import poses_on_the_way
 from .still_noise import StillNoise, still_noise_of
@@ -68,7 +68,7 @@ def is_stream(samples: Samples) -> bool:
     step = np.diff(t)
     jump = (step < 0.0) | (step > SLOWEST) | (angles_between(R[:-1], R[1:]) > FASTEST_TURN * np.maximum(step, HOLD))
     jumps = np.r_[0, np.cumsum(jump)]
-    return any(_turns_along(R, t, jumps, scale) for scale in SCALES)
+    return not jump.all() and any(_turns_along(R, t, jumps, scale) for scale in SCALES)
 
 
 def _turns_along(R: Array, t: Array, jumps: NDArray[np.intp], scale: float) -> bool:
@@ -116,8 +116,9 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     table of more poses than anybody stops at.
     """
     if not (is_stream(samples) if stream is None else stream and len(samples)):
-        _require_few(samples)
-        label = label_orientations(samples.R_base_flange)
+        some, of_row = nearly_equal(samples.R_base_flange)
+        _require_few(samples, some)
+        label = label_orientations(some)[of_row]
         first = np.unique(label, return_index=True)[1]
         if len(first) > MOST_POSES or (len(first) > MOST_ON_THE_WAY and _lie_close(samples.R_base_flange[first])):
             raise _too_many(samples, len(first))
@@ -168,11 +169,11 @@ def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, .
     return recorded_poses(samples, 0, stream).poses
 
 
-def _require_few(samples: Samples) -> None:
-    """Raise `InputError` for a table of more orientations than anybody stops at, before they are averaged."""
-    R = samples.R_base_flange.reshape(-1, 9)
-    new = R[np.r_[True, (R[1:] != R[:-1]).any(axis=1)][: len(R)]]
-    count = len(np.unique(np.rint(new / CELL).astype(np.int16).view("V18")))
+def _require_few(samples: Samples, some: Array) -> None:
+    """Raise `InputError` for a table of more orientations than anybody stops at, before they are averaged; `some`
+    (k, 3, 3) are those that are not nearly equal.
+    """
+    count = len(np.unique(cells_of(some, CELL)))
     if count > MOST_CELLS or (count > MOST_ON_THE_WAY and _follows_the_arm(samples.R_base_flange)):
         raise _too_many(samples, count)
 
