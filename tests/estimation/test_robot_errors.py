@@ -63,6 +63,17 @@ def test_it_is_said_how_far_and_nothing_else_is_blamed(n: int, degrees: float) -
     assert np.sqrt(np.mean(np.square(off))) < 1.5
 
 
+def test_of_many_poses_none_is_left_out() -> None:
+    """They were noise alike on all axes: 3 of 10 such tables were good, 4 % of the poses left out."""
+    for seed in range(3):
+        _, R, wrench, _ = _recording(seed, 150, 0.2, 4.0 * QUIET)
+        calibration = cw.calibrate(cw.Samples(wrench, R))
+        assert calibration.weight is not None
+        assert calibration.verdict == "good"
+        assert all(pose.rejected is None for pose in calibration.poses)
+        assert abs(calibration.weight - 20.0) < 4.0 * calibration.std["weight"] < 0.01
+
+
 def test_a_robot_that_is_right_is_not_said_to_be_off() -> None:
     for seed in range(12):
         rig, R, rng = example(seed, poses=16)

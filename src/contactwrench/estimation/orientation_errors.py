@@ -24,6 +24,9 @@ from .variance_components import inverse_of
 ODDS = {Kind.GAIN: 0.4, Kind.CREEP: 0.2, Kind.CABLE: 0.2}
 """Before the readings, against independent errors: sensors and cables err less often."""
 
+ROWS_IN_ORDER = 0.5
+"""That rows without times are in the order in which they were taken."""
+
 FIELD_LENGTH = 0.5
 """rad over which the pull of a cable changes."""
 
@@ -36,19 +39,17 @@ def orientation_errors(
     R_base_flange: Array, gravity_direction: Array, in_order: bool
 ) -> tuple[list[Drift], list[float]]:
     """Errors of sensor and cable that poses may have by their orientation, each with columns (n, q) of unit strength,
-    and the logarithm of the odds of each: gain and cross-talk, a cable, and creep where poses are known to be
-    `in_order`.
+    and the logarithm of the odds of each: gain and cross-talk, creep, a cable; `in_order`: poses are known to be.
     """
     n = len(R_base_flange)
     r = gravity_in_flange(R_base_flange, gravity_direction)
-    drifts = [Drift(Kind.GAIN, r)]
-    if in_order:
-        drifts.append(Drift(Kind.CREEP, np.diff(-r, axis=0, prepend=-r[:1])))
+    drifts = [Drift(Kind.GAIN, r), Drift(Kind.CREEP, np.diff(-r, axis=0, prepend=-r[:1]))]
     if n <= MOST_POSES:
         flat = R_base_flange.reshape(n, 9)
         chord = np.maximum(6.0 - 2.0 * flat @ flat.T, 0.0)  # ||R_i - R_j||^2, about twice the squared angle
         drifts.append(Drift(Kind.CABLE, _root(np.exp(-chord / (4.0 * FIELD_LENGTH**2)))))
-    return drifts, [float(np.log(ODDS[drift.kind])) for drift in drifts if drift.kind is not None]
+    odds = ODDS | {Kind.CREEP: ODDS[Kind.CREEP] * (1.0 if in_order else ROWS_IN_ORDER)}
+    return drifts, [float(np.log(odds[drift.kind])) for drift in drifts if drift.kind is not None]
 
 
 def _root(covariance: Array) -> Array:
