@@ -23,7 +23,7 @@ CHILD = """
 import sys
 from pathlib import Path
 from time import monotonic, sleep
-from contactwrench.live.queued import open_sink
+from contactwrench.live.sink import open_sink
 from contactwrench.live.sinks.recorder import Recorder
 from contactwrench.live.uri import sink_of
 from tests.support.turns import RATE, turn

@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 
 from contactwrench.errors import FileAccessError, InputError, MissingExtraError
-from contactwrench.live.queued import DRAIN, MOST_WAITING, open_sink
-from contactwrench.live.sink import Turn
+from contactwrench.live.sink import DRAIN, MOST_WAITING, Turn, open_sink
 from contactwrench.live.source import DeviceError
 from contactwrench.live.uri import sink_of
 from tests.support.turns import START, turn, turns

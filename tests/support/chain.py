@@ -16,9 +16,8 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.lab.signals import FlangePose
 from contactwrench.live.pump import Pump, Reader, Ways
-from contactwrench.live.queued import open_sink
 from contactwrench.live.session import Session
-from contactwrench.live.sink import Turn
+from contactwrench.live.sink import Turn, open_sink
 from contactwrench.live.snapshot import Event
 from contactwrench.live.source import Batch, now
 from contactwrench.live.uri import source_of

@@ -95,9 +95,9 @@ def live(
     from ..live.devices import require_devices
     from ..live.page import Hub, serve
     from ..live.pump import Pump, Ways
-    from ..live.queued import open_sink
     from ..live.running import Options
     from ..live.session import Session
+    from ..live.sink import open_sink
     from ..live.sinks.recorder import Recorder
     from ..live.uri import sink_of
     from .live_lab import Hands

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import msgspec
 
 from ..errors import ContactWrenchError
-from .queued import OpenSink
 from .session import Session
+from .sink import OpenSink
 from .snapshot import Event as Said
 from .snapshot import Output
 from .source import About, Batch, DeviceError, EndOfStreamError, Note, NoteKind, Source, now

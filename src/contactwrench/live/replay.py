@@ -41,7 +41,7 @@ class Replay:
 
     `Sample.arrival` is the recording's own time, shifted so that the first is now, at any speed; `device` is the time
     as recorded. With `speed` 0 a read never waits and gives `ROWS` samples at the most: whoever reads it takes the next
-    when those are done with, and lets sinks be patient (queued.py), so that nothing is lost.
+    when those are done with, and lets sinks be patient (sink.py), so that nothing is lost.
 
     Args:
         path: any recording that can be read.

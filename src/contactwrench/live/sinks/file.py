@@ -30,9 +30,9 @@ CONTACT = ("free", "in contact", "contact not judged")
 
 
 class GrowingFile(ABC):
-    """Turns are put together in portions, and written each half second."""
+    """Turns are put together in portions, and written each half second: it is enough to be given them now and then."""
 
-    waits = True
+    waits = gathers = True
 
     def __init__(self, path: Path) -> None:
         if path.suffix.lower() not in FORMATS:
