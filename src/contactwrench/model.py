@@ -19,18 +19,7 @@ from .geometry.arrays import Array, Frozen, read_only
 from .geometry.rotations import rotation_exp
 from .geometry.wrench import WRENCH_AXES, cross_matrix
 
-LINEAR_PARAMETERS = (
-    "weight",
-    "com_x",
-    "com_y",
-    "com_z",
-    "bias_fx",
-    "bias_fy",
-    "bias_fz",
-    "bias_tx",
-    "bias_ty",
-    "bias_tz",
-)
+LINEAR_PARAMETERS = ("weight", "com_x", "com_y", "com_z", *(f"bias_{axis}" for axis in WRENCH_AXES))
 MOUNT = ("mount_x", "mount_y", "mount_z")
 GRAVITY = ("gravity_a", "gravity_b")
 AXES = WRENCH_AXES

@@ -1,5 +1,5 @@
-"""What a sink is: where contact wrenches go, or a recording, while the arm runs. And sinks at work: one that waits has a
-thread and a bounded queue of its own, and one that fails ends alone.
+"""What a sink is: where contact wrenches go, or a recording, while the arm runs. And sinks at work: one that waits has
+a thread and a bounded queue of its own, and one that fails ends alone.
 """
 
 from __future__ import annotations

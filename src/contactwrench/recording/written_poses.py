@@ -46,15 +46,15 @@ class Written:
     """
 
     source: str
-    wrench_columns: tuple[Column, ...]
     wrench: Array
     t: Array | None
-    sets: tuple[ColumnSet, ...]
-    convention: Convention | None
-    in_degrees: bool
     stated: Array | None
-    complaint: str | None
-    in_rows: bool
+    wrench_columns: tuple[Column, ...] = ()
+    sets: tuple[ColumnSet, ...] = ()
+    convention: Convention | None = None
+    in_degrees: bool = False
+    complaint: str | None = None
+    in_rows: bool = False
 
     def at(self, rows: NDArray[np.intp], wrench: Array) -> Written:
         """Poses: the orientations as they stand in `rows`, each with a mean `wrench`."""
@@ -167,19 +167,9 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
 def _of_bag(path: str | Path, options: Options) -> Written:
     streams = read_streams(path, replace(options, sign="pull", inverse_orientation=False))
     wrench, orientation = streams.wrench, streams.orientation
-    free = np.isfinite(wrench.wrench).all(axis=1)
-    return Written(
-        source=name_of(path),
-        wrench_columns=(),
-        wrench=wrench.wrench[free],
-        t=wrench.t[free],
-        sets=(),
-        convention=None,
-        in_degrees=False,
-        stated=orientation.R_base_flange[_nearest(wrench.t[free], orientation.t)],
-        complaint=None,
-        in_rows=False,
-    )
+    wrench = wrench.select(np.isfinite(wrench.wrench).all(axis=1))
+    stated = orientation.R_base_flange[_nearest(wrench.t, orientation.t)]
+    return Written(name_of(path), wrench.wrench, wrench.t, stated)
 
 
 def _orientation(table: OpenTable, naming: Naming) -> tuple[Convention | None, list[list[Column]], str | None]:

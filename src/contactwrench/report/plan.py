@@ -13,6 +13,7 @@ from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA
 from ..geometry.arrays import Array
 from ..geometry.orientation import to_quat_xyzw
 from ..model import gravity_in_flange
+from ..statistics import counted
 from .text import json_text
 
 MUCH_WORSE = 1.05
@@ -23,7 +24,7 @@ IN_KG_CM2, IN_MM = 1e4, 1e3
 def plan_text(plan: Plan) -> str:
     """The poses in order, what they are planned for, and what they are worth."""
     lines = [
-        f"Plan of {len(plan)} pose{'' if len(plan) == 1 else 's'} after {plan.recorded}, model {plan.model}",
+        f"Plan of {counted(len(plan), 'pose')} after {plan.recorded}, model {plan.model}",
         *_expected_text(plan.expected),
     ]
     if plan.around is not None and plan.joints is not None:

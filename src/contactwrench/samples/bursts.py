@@ -124,8 +124,8 @@ class Even:
         coming, first = iter(batches), list[Streams]()
         for batch in coming:
             first.append(batch)
-            last = [_lasts(t) for t in _stamps_of(first)]
-            if min(last) > JUDGED_BY or max(last) > LOOKED_AHEAD:
+            lasts = [float(t[-1] - t[0]) if len(t) else 0.0 for t in _stamps_of(first)]
+            if min(lasts) > JUDGED_BY or max(lasts) > LOOKED_AHEAD:
                 break
         wrench, orientation = map(_Handed, ("wrench", "orientation"), _stamps_of(first))
         self.notes = (*wrench.notes, *orientation.notes)
@@ -151,10 +151,6 @@ def _stamps_of(batches: list[Streams]) -> tuple[Array, Array]:
         np.concatenate([nothing, *(batch.wrench.t for batch in batches)]),
         np.concatenate([nothing, *(batch.orientation.t for batch in batches)]),
     )
-
-
-def _lasts(t: Array) -> float:
-    return float(t[-1] - t[0]) if len(t) else 0.0
 
 
 class _Handed:
