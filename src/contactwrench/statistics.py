@@ -11,6 +11,11 @@ from .geometry.arrays import Array
 SIGNIFICANCE = 0.01
 """Less probable than this, a misfit is not put down to chance."""
 
+SPOKEN = {
+    **{"m": (1e3, "mm"), "rad": (180.0 / np.pi, "deg"), "N m": (1e3, "mN m"), "s": (1e3, "ms")},
+    "kg m^2": (1e4, "kg cm^2"),
+}
+"""What people speak in place of a unit of SI, and how many make one; any other unit they speak as it is."""
 LENIENT_DOF = 10.0
 LEAST_EIGENVALUE = 1e-12
 """Of a correlation matrix: below, a direction is one that rounding made."""

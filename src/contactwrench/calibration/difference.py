@@ -29,11 +29,10 @@ from ..model import (
     yaw_of_mounting,
 )
 from ..statistics import SIGNIFICANCE, MisfitTest, in_standard_deviations, misfit_of_parameters
-from .dynamics import DYNAMIC_PARAMETERS, INERTIA, SENSOR_OFFSET, Dynamics, elements
+from .dynamics import DYNAMIC_PARAMETERS, INERTIA, SENSOR_OFFSET, UNIT_OF, Dynamics, elements
 from .fields import CalibrationFields
 
 SIGNIFICANT = 3.0
-UNITS = ("N", *["m"] * 3, *["N"] * 3, *["N m"] * 3, "rad", "s", *["kg m^2"] * 6, *["m"] * 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +104,6 @@ def difference(a: CalibrationFields, b: CalibrationFields) -> Difference:
         angle = rotation_angle(a.R_flange_sensor.T @ b.R_flange_sensor)
         if a.sensor_z_along_flange != b.sensor_z_along_flange:
             names.remove("yaw")
-    units = dict(zip((*LINEAR_PARAMETERS, "yaw", "delay", *DYNAMIC_PARAMETERS), UNITS, strict=True))
     change = {name: after[name][0] - before[name][0] for name in names}
     if "yaw" in change:
         change["yaw"] = _short_way_round(change["yaw"])
@@ -113,7 +111,7 @@ def difference(a: CalibrationFields, b: CalibrationFields) -> Difference:
     free_a, free_b = (free_wrench(c.B, gravity_in_flange(everywhere, c.gravity_direction)) for c in (a, b))
     return Difference(
         names=tuple(names),
-        units=tuple(units[name] for name in names),
+        units=tuple(UNIT_OF[name] for name in names),
         change=np.array(list(change.values())),
         std=np.hypot([before[name][1] for name in names], [after[name][1] for name in names]),
         free_wrench=np.abs(free_b - free_a).max(axis=0),

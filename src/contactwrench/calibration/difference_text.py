@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..geometry.arrays import Array
-from ..model import LINEAR_PARAMETERS
-from ..statistics import SIGNIFICANCE, MisfitTest, in_standard_deviations, misfit_of_parameters, percent
-from .observability import SPOKEN_UNITS
+from ..statistics import SIGNIFICANCE, SPOKEN, MisfitTest, in_standard_deviations, misfit_of_parameters, percent
+from .dynamics import UNIT_OF
 
 if TYPE_CHECKING:
     from .difference import Difference, GroupChange
@@ -26,14 +25,6 @@ WORDS = {
     "inertia": "the tool's inertia",
     "offset": "the sensor's place on the flange",
     "matrix": "the tool, the mounting or a gain",
-}
-
-UNITS_OF_CHANGES = {
-    **SPOKEN_UNITS,
-    "torque": (1e3, "mN m"),
-    "yaw": (180.0 / np.pi, "deg"),
-    "inertia": (1e4, "kg cm^2"),
-    "offset": (1e3, "mm"),
 }
 
 
@@ -132,7 +123,7 @@ def _largest(group: GroupChange, rows: slice) -> str:
     ratio: Array = np.abs(in_standard_deviations(group.change, np.sqrt(np.diag(group.covariance))))[rows]
     k = rows.start + int(np.argmax(ratio))
     name, value = group.parameters[k], float(group.change[k])
-    factor, unit = UNITS_OF_CHANGES["torque" if name in LINEAR_PARAMETERS[7:] else name.split("_")[0]]
+    factor, unit = SPOKEN.get(UNIT_OF[name], (1.0, UNIT_OF[name]))
     return f"{name} by {factor * value:+.3g} {unit} ({ratio.max():.3g} std)"
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Matrix, Vector, read_only
 from ..geometry.wrench import cross_matrix
-from ..model import MOUNT, RigidTool
+from ..model import LINEAR_PARAMETERS, MOUNT, RigidTool
 from ..samples.accelerometer import Accelerometer
 from ..samples.flange_motion import FlangeMotion
 from ..samples.motion import PRODUCTS
@@ -30,6 +30,9 @@ LEAST_SIZE = 1e-4
 INERTIA = ("inertia_xx", "inertia_xy", "inertia_xz", "inertia_yy", "inertia_yz", "inertia_zz")
 SENSOR_OFFSET = ("offset_x", "offset_y", "offset_z")
 DYNAMIC_PARAMETERS = (*INERTIA, *SENSOR_OFFSET)
+_UNITS = ("N", *["m"] * 3, *["N"] * 3, *["N m"] * 3, "rad", "s", *["kg m^2"] * 6, *["m"] * 3)
+UNIT_OF = dict(zip((*LINEAR_PARAMETERS, "yaw", "delay", *DYNAMIC_PARAMETERS), _UNITS, strict=True))
+"""The unit of each parameter."""
 TERMS = 12
 ACCELERATION = slice(9, 12)
 """Places in the terms."""

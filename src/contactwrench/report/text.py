@@ -20,7 +20,7 @@ from ..geometry.arrays import Array
 from ..model import AXES
 from ..recording.contents import BagContents, FrameContent, Rhythm, TableContents, TopicContent
 from ..recording.tables.columns import with_slices
-from ..statistics import counted, meaningful_digits, percent
+from ..statistics import SPOKEN, counted, meaningful_digits, percent
 
 NAME_AND_TYPE, TYPE_WIDTH = 34, 16
 UNIX_TIMES = (946684800.0, 4102444800.0)
@@ -29,13 +29,6 @@ NOTABLE_CLOCK = 0.5
 """s by which stamps in headers may differ from the bag's own before it is said."""
 MOST_FRAMES, MOST_EPISODES = 60, 10
 _MILLI = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
-_SPOKEN = {
-    "m": (1e3, "mm"),
-    "rad": (180.0 / np.pi, "deg"),
-    "N m": (1e3, "mN m"),
-    "s": (1e3, "ms"),
-    "kg m^2": (1e4, "kg cm^2"),
-}
 
 
 def json_text(values: Any) -> str:
@@ -138,7 +131,7 @@ def difference_text(change: Difference) -> str:
     for name, unit, value, std, ratio in zip(
         change.names, change.units, change.change, change.std, change.in_std, strict=True
     ):
-        factor, spoken = _SPOKEN.get(unit, (1.0, unit))
+        factor, spoken = SPOKEN.get(unit, (1.0, unit))
         mark = "*" if name in change.significant else " "
         lines.append(f"{mark} {name:<10} {factor * value:>+10.4g} +- {factor * std:<9.2g} {spoken:<7} {ratio:>+7.1f}")
     if change.inertia_known in ((True, False), (False, True)):
