@@ -173,7 +173,7 @@ def read_samples(
     return _completed(replace(samples, damage=streams.damage, source=both), path, options, tell, notes)
 
 
-def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell, said: tuple[str, ...]) -> Samples:
+def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell, before: tuple[str, ...]) -> Samples:
     """With an accelerometer's readings, and what is doubtful in how angles were read; `tell` hears of times, and of
     many readings at a limit, which leave too little of what will be asked for.
     """
@@ -182,7 +182,7 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
     if begins_anew(samples) and is_stream(samples):
         samples, anew = counted_on(samples)
         notes += anew
-    for note in (*said, *notes):
+    for note in (*before, *notes):
         tell(note)
     if samples.saturated is None and samples.t is not None:
         samples = replace(samples, saturated=at_limit(samples.wrench))
