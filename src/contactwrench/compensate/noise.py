@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from ..estimation.findings_of_beliefs import WITH_ORIENTATION
 from ..estimation.noise import variance_of_digits, variance_of_means
 from ..geometry.arrays import Array, numbers
 from ..geometry.ranges import NOISE_OR_NONE, READING, Range
@@ -26,9 +25,10 @@ PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 LEAST_ROWS = 10
 LEAST_PAIRS = 8
 """Of means, whose differences tell an Allan variance."""
-ALIKE, CHANCE = 0.1, 2.0
-"""By which the logarithms of two variances of the same noise differ, as the learned one wanders; standard deviations of
-that of the poses'."""
+LEARNED, CHANCE = 0.16, 2.0
+"""Std of the logarithm of a variance that is learned from the first samples; and how many standard deviations of such
+logarithms two noises are apart that may be one. More hides errors between poses, less costs clean tables sensitivity.
+"""
 USUAL_RATE, FAR = 1000.0, 1e6
 """Hz, of samples, until their rate is known; samples, over which a noise counts as noise unless said."""
 
@@ -149,14 +149,15 @@ def of_variances(rows: Array, allan: Array, floor: Array | float = 0.0) -> Sampl
 def between_poses(calibration: Calibration, of_row: Array) -> Array:
     """The variance (6,) of what the calibration's poses differ by beyond the noise of their means, as these themselves
     show it. Single rows may be samples, with the variance `of_row` (6,), or means of many: they are samples where they
-    differ as samples do in forces and in torques alike, as far as chance goes, and by nothing that goes with the
-    orientation. Else nothing of it averages away.
+    differ as samples do in forces and in torques alike, as far as chance goes, and the robot's orientations are not
+    known to be off. Else nothing of it averages away.
     """
     all_of_it = calibration.noise**2
     shares = np.mean((all_of_it / np.maximum(of_row, LEAST_STD**2)).reshape(2, 3), axis=1)
-    by_chance = ALIKE + CHANCE * (2.0 / (3.0 * calibration.dof)) ** 0.5 if calibration.dof > 0.0 else ALIKE
-    systematic = any(finding.kind in WITH_ORIENTATION for finding in calibration.findings)
-    of_single = of_row * (not systematic and np.abs(np.log(shares)).max() < by_chance)
+    of_poses = 2.0 / (3.0 * calibration.dof) if calibration.dof > 0.0 else 0.0
+    by_chance = CHANCE * np.sqrt(of_poses + LEARNED**2)
+    are_samples = calibration.orientation_std is None and np.abs(np.log(shares)).max() < by_chance
+    of_single = all_of_it / np.repeat(shares, 3) * are_samples  # a single axis' variance is learned to a sixth only
     known = [pose.wrench_cov.diagonal() if pose.n > 1 else of_single for pose in calibration.fitted_poses]
     return np.maximum(all_of_it - (np.mean(known, axis=0) if known else of_single), 0.0)
 
