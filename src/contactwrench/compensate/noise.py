@@ -159,7 +159,7 @@ def between_poses(calibration: Calibration, of_row: Array) -> Array:
     are_samples = calibration.orientation_std is None and np.abs(np.log(shares)).max() < by_chance
     of_single = all_of_it / np.repeat(shares, 3) * are_samples  # a single axis' variance is learned to a sixth only
     known = [pose.wrench_cov.diagonal() if pose.n > 1 else of_single for pose in calibration.fitted_poses]
-    return np.maximum(all_of_it - (np.mean(known, axis=0) if known else of_single), 0.0)
+    return np.asarray(np.maximum(all_of_it - (np.mean(known, axis=0) if known else of_single), 0.0))
 
 
 def with_torques(values: ArrayLike) -> Array:
