@@ -16,7 +16,7 @@ import numpy as np
 
 import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import contact_wrenches
-from contactwrench.recording.read import batches, pairs_in_batches, read_streams
+from contactwrench.recording.read import batches, pairs_in_batches, read_streams, samples_of
 from contactwrench.recording.tables.columns import ROWS as BLOCK
 from contactwrench.recording.tables.write import write_contact_wrenches
 from tests.support.world import Array, noisy_readings, random_rotations
@@ -76,7 +76,8 @@ def compensated(path: Path, output: Path) -> None:
     pairs = pairs_in_batches(path)
     if pairs is None:
         raise ValueError("expected a table of pairs")
-    write_contact_wrenches(output, (contact_wrenches(_calibration(), some) for some in pairs), path)
+    rows = (contact_wrenches(_calibration(), samples_of(some, path)) for some in pairs)
+    write_contact_wrenches(output, rows, path)
 
 
 def _speed(folder: Path, n: int, times: int) -> Iterator[Row]:

@@ -114,7 +114,7 @@ class Compensator:
         """Forget everything but the settings: filters, contact, what was learned of the bias, new zero, its thread."""
         s = deepcopy(self._settings)
         self._noise = known_noise(self._calibration, self._stated, self._rate)
-        track(s, self._calibration, between_poses(self._calibration, self._noise.of_sample * s.knows_noise))
+        track(s, self._calibration, between_poses(self._calibration, self._noise.white * s.knows_noise))
         room = 4 + ceil(max(s.look_back * (s.delay != 0.0), -s.felt_late) * max(DENSEST, 2.0 * (self._rate or 0.0)))
         self._runner = self._steps(s, np.zeros((room, OF_DOWN + OF_MOTION * s.knows_inertia + OF_FELT * s.feels)))
         self._std = NOT_KNOWN
@@ -276,7 +276,7 @@ class Compensator:
             s.fresh = WHOLLY
         if events & NOISE_LEARNED:
             s.knows_noise, self._noise = True, of_pairs(np.array(s.means) // 2.0, np.array(s.squares))
-            poses_differ_by(s, between_poses(self._calibration, self._noise.of_sample))
+            poses_differ_by(s, between_poses(self._calibration, self._noise.white))
             self._use_noise(1.0 / s.interval)
 
     def _use_rate(self, rate: float) -> None:

@@ -25,8 +25,10 @@ PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 LEAST_ROWS = 10
 LEAST_PAIRS = 8
 """Of means, whose differences tell an Allan variance."""
-MEANS = 2.0
-"""Times the variance between rows: a sample that scatters more is not what they are."""
+LEARNED, CHANCE = 0.16, 2.0
+"""Std of the logarithm of a variance that is learned from the first samples; and how many standard deviations of such
+logarithms two noises are apart that may be one. More hides errors between poses, less costs clean tables sensitivity.
+"""
 USUAL_RATE, FAR = 1000.0, 1e6
 """Hz, of samples, until their rate is known; samples, over which a noise counts as noise unless said."""
 
@@ -68,6 +70,11 @@ class SampleNoise:
         return self.of_mean(1.0)
 
     @property
+    def white(self) -> Array:
+        """The variance (6,) of a sample about its neighbours."""
+        return np.asarray(self.allan_of(np.ones(1))[0])
+
+    @property
     def flicker(self) -> Array:
         """What the variance (6,) of a level grows by when the time grows e-fold, beyond the horizon."""
         return np.asarray(self.allan_of(np.array([self.horizon]))[0] / np.log(4.0))
@@ -77,7 +84,7 @@ class SampleNoise:
         noise.
         """
         gain = 1.0 if low_pass is None else low_pass.noise_gain(rate)
-        return np.asarray(np.maximum(gain * self.allan_of(np.ones(1))[0], self.of_mean(1.0 / gain)))
+        return np.asarray(np.maximum(gain * self.white, self.of_mean(1.0 / gain)))
 
 
 def stated_noise(noise: ArrayLike) -> SampleNoise:
@@ -141,14 +148,18 @@ def of_variances(rows: Array, allan: Array, floor: Array | float = 0.0) -> Sampl
 
 def between_poses(calibration: Calibration, of_row: Array) -> Array:
     """The variance (6,) of what the calibration's poses differ by beyond the noise of their means, as these themselves
-    show it. Single rows are samples, with the variance `of_row` (6,), unless they differ by so little that they are
-    means of more.
+    show it. Single rows may be samples, with the variance `of_row` (6,), or means of many: they are samples where they
+    differ as samples do in forces and in torques alike, as far as chance goes, and the robot's orientations are not
+    known to be off. Else nothing of it averages away.
     """
     all_of_it = calibration.noise**2
-    of_row = np.where(of_row < MEANS * all_of_it, of_row, 0.0)
-    known = [pose.wrench_cov.diagonal() if pose.n > 1 else of_row for pose in calibration.fitted_poses]
-    of_mean = np.mean(known, axis=0) if known else of_row
-    return np.maximum(all_of_it - of_mean, 0.0)
+    shares = np.mean((all_of_it / np.maximum(of_row, LEAST_STD**2)).reshape(2, 3), axis=1)
+    of_poses = 2.0 / (3.0 * calibration.dof) if calibration.dof > 0.0 else 0.0
+    by_chance = CHANCE * np.sqrt(of_poses + LEARNED**2)
+    are_samples = calibration.orientation_std is None and np.abs(np.log(shares)).max() < by_chance
+    of_single = all_of_it / np.repeat(shares, 3) * are_samples  # a single axis' variance is learned to a sixth only
+    known = [pose.wrench_cov.diagonal() if pose.n > 1 else of_single for pose in calibration.fitted_poses]
+    return np.asarray(np.maximum(all_of_it - (np.mean(known, axis=0) if known else of_single), 0.0))
 
 
 def with_torques(values: ArrayLike) -> Array:

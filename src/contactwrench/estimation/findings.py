@@ -28,6 +28,11 @@ WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
 """Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
 last is left in a pose, something is wrong."""
 
+SENSOR_NOISE, BY_CHANCE = 0.1, 1.5
+"""N, an axis of an ordinary sensor in a pose, and times as much that few poses may leave of it: under a light tool that
+is no sign of a file that is read wrongly. Of 336 light tools read wrongly none was believed for it.
+"""
+
 COM_STD = 0.010
 FEWEST_DOF = 3.0
 NOISE_RATIO = 10.0
@@ -81,7 +86,9 @@ def doubts(
         rows.append(_cross_talk(estimate, readings))
         if question.model != "paper":  # which takes one axis' weight for all
             rows.append(_gain_of_axis(estimate, readings))
-    if question.earlier is None and not (stated and estimate.reduced_chi2 < STATED_NOISE_RATIO):
+    uncertain = uncertain_parameters(estimate, readings, trade_offs)
+    of_sensor = not uncertain and _is_as_of_a_sensor(estimate, readings)
+    if question.earlier is None and not (estimate.reduced_chi2 < STATED_NOISE_RATIO if stated else of_sensor):
         rows.append(_poor_fit(estimate))
     rows.append(_correlated_poses(estimate, readings))
     if question.earlier is None:
@@ -92,7 +99,7 @@ def doubts(
     if any(finding.severity is Severity.WEAK for finding in of_payload):
         too_little = estimate.force_left < LIGHTEST_TOOL
         return of_payload + [finding for finding in found if not (too_little and finding.kind in OF_READING)]
-    return of_payload + uncertain_parameters(estimate, readings, trade_offs) + found
+    return of_payload + uncertain + found
 
 
 def _subtracted_payload(fit: RigidEstimate, readings: PoseReadings) -> list[Finding]:
@@ -201,6 +208,12 @@ def _uncertain_noise(fit: Estimate, stated: bool) -> list[Row]:
         )
         rows.append((ratio > NOISE_RATIO, WEAK, Kind.UNEQUAL_NOISE, unequal))
     return rows
+
+
+def _is_as_of_a_sensor(fit: Estimate, readings: PoseReadings) -> bool:
+    """Whether as little force is left as a sensor's noise and the digits of its readings leave, under any tool."""
+    of_axes = np.maximum(readings.least_variance[:3], SENSOR_NOISE**2)
+    return bool(fit.force_left < BY_CHANCE * np.sqrt(np.sum(of_axes)))
 
 
 def _poor_fit(fit: Estimate) -> Row:

@@ -1,7 +1,6 @@
 """A recording to contact wrenches, batch by batch: on one clock where it is two streams, judged where that is asked.
 
-One row comes out for each reading of the recording, in its order. Where a reading has no orientation, or something is
-wrong with it, the row says so.
+One row comes out for each reading, in its order. Where it has no orientation, or something is wrong, the row says so.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain, islice
+from itertools import chain, islice, tee
 from pathlib import Path
 from typing import TypeVar
 
@@ -28,18 +27,19 @@ from ..geometry.ranges import DELAY
 from ..samples.bursts import bursts_in, even_rows, spread
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
-from ..samples.synchronize import Synchronized, synchronized
+from ..samples.synchronize import NOT_A_NUMBER, Synchronized, synchronized
 from ..samples.timestamps import spread_evenly
 from .accelerations import with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
 from .options import Options
-from .read import bag_blocks, batches, pairs_in_batches, reader_of
+from .read import bag_blocks, batches, pairs_in_batches, reader_of, samples_of
 from .standing import Standing
 from .tables.columns import Advance, Tell, unheard
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
+from .tables.table import Table, without_reading
 from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
@@ -106,15 +106,13 @@ def compensated(
         note("--imu is not used: the calibration has no inertia that counts from an accelerometer")
     pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
     first = None if pairs is None else next(pairs)
-    evenly, of_bursts = (None, ()) if first is None else even_rows(first)
+    evenly, of_bursts = (None, ()) if first is None else even_rows(samples_of(first, path))
     late = treatment.applied_delay(calibration) != 0.0 and (
         treatment.delay is not None or (evenly is not None and is_stream(evenly))
     )
     if pairs is None or first is None or late or (of_bursts and calibration.dynamics is not None):
         return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
-    told = _telling(chain([first], pairs), path, options, note)
-    every = (with_accelerations(samples, path, options) for samples in told)
-    return _smoothed((_plain(calibration, samples, treatment) for samples in every), treatment)
+    return _smoothed(_row_by_row(chain([first], pairs), path, options, calibration, treatment, note), treatment)
 
 
 def require_writable(output: Path, path: Path, options: Options) -> None:
@@ -143,7 +141,7 @@ def write_compensated(
         wrenches = (batch.wrench for batch in recording)
         topic, accept = options.wrench_topic, options.accept_damaged
         return write_bag_with(path, output, wrenches, wrench_topic=topic, frame=frame, accept_damaged=accept, note=note)
-    write_contact_wrenches(output, recording, path, options)
+    write_contact_wrenches(output, recording, path, options, every_row=pairs_in_batches(path, options) is not None)
     return None
 
 
@@ -172,6 +170,23 @@ def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Te
         note(doubt)
 
 
+def _row_by_row(
+    pairs: Iterable[Table], path: str | Path, options: Options, tool: Calibration, treatment: Treatment, note: Tell
+) -> Iterator[ContactWrenches]:
+    """Of a table of pairs, each row by itself; those without a reading have no contact wrench."""
+    lacking, (tables, readings) = 0, tee(pairs)
+    told = _telling((samples_of(table, path) for table in readings), path, options, note)
+    for samples, table in zip(told, tables, strict=True):
+        rows = _plain(tool, with_accelerations(samples, path, options), treatment)
+        if len(rows) < len(table) and table.t is not None:
+            lacks, lacking = ~table.has_reading, lacking + len(table) - len(rows)
+            rows = ContactWrenches.concatenate([rows, _missing(NOT_A_NUMBER, table.t[lacks])])
+            rows = rows.select(np.argsort(np.argsort(lacks, kind="stable")))
+        yield rows
+    if lacking:
+        note(without_reading(lacking))
+
+
 def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> ContactWrenches:
     return contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
 
@@ -185,7 +200,9 @@ def _paired(
         whose = "the calibration's" if treatment.delay is None else "as stated"
         by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
         note(f"the wrench is taken to be stamped {by} than the orientation, {whose}")
-    recording = _telling(batches(path, options, advance=advance, **_at_once(calibration)), path, options, note)
+    recording = _telling(
+        batches(path, options, advance=advance, every=True, **_at_once(calibration)), path, options, note
+    )
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))
     compensator, in_doubt, standing = None, InDoubt(calibration.with_gravity(treatment.gravity)), Standing()
@@ -248,7 +265,6 @@ def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Ite
 
 class InOrder:
     """Puts what is known of readings, as they are paired, back into the order of the recording.
-
     Between two calls it holds the stamps of the readings that are not yet paired, and rows that are ahead of them.
     """
 

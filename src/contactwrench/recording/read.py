@@ -24,7 +24,7 @@ from .tables.columns import ROWS, Advance, Tell, unheard
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import is_parquet
 from .tables.table import SUFFIXES as SUFFIXES_OF_TABLES
-from .tables.table import Table, merged, read_as_of_both, tables
+from .tables.table import Table, merged, read_as_of_both, tables, without_reading
 
 
 def table_blocks(path: str | Path, options: Options, rows: int, advance: Advance) -> Iterator[Table]:
@@ -122,28 +122,28 @@ def read_streams(path: str | Path, options: Options = AS_USUAL) -> Streams:
 
 
 def batches(
-    path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance = unheard
+    path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance = unheard, *, every: bool = False
 ) -> Iterator[Streams]:
     """The same in consecutive batches of at most about `rows` rows, each row once and in order; memory for one of them.
-
-    Raises as `read`, at once or at a batch.
+    Of a table of pairs `every` row is a reading, if of no numbers. Raises as `read`, at once or at a batch.
     """
+    if every and (pairs := pairs_in_batches(path, options, rows, advance)) is not None:
+        return (_streams(table, table, path, path, every=not table.lacks_orientations) for table in pairs)
     return (_as_streams(block, path) for block in reader_of(path, options)(path, options, rows, advance))
 
 
 def pairs_in_batches(
     path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance = unheard
-) -> Iterator[Samples] | None:
-    """The samples of a table whose rows are pairs of wrench and orientation, `rows` at a time, memory for one of them.
-
-    None where the orientation has to be brought to the wrench's times: for a bag, two files, or a table in whose first
-    rows a wrench has no orientation of its own. Raises as `read`, and `FileFormatError` at a later one without.
+) -> Iterator[Table] | None:
+    """A table whose rows are pairs of wrench and orientation, `rows` at a time, memory for one of them. None
+    where the orientation has to be brought to the wrench's times: for a bag, two files, or a table in whose first
+    rows a wrench has no orientation of its own. Raises as `read`.
     """
     if reader_of(path, options) is not table_blocks:
         return None
     blocks = table_blocks(path, options, rows, advance)
     first = next(blocks)
-    return None if first.lacks_orientations else (_samples(table, path) for table in chain([first], blocks))
+    return None if first.lacks_orientations else chain([first], blocks)
 
 
 def read_samples(
@@ -151,7 +151,6 @@ def read_samples(
 ) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
     orientation is brought to the wrench's times, `begin` hears that this begins, and `tell` how. Raises as `read`.
-
     The delay between two streams, of free readings, is applied where it is significant. Where a recording with times
     does not say which channels stood at their limits, its readings do.
     """
@@ -160,7 +159,9 @@ def read_samples(
         tell(f"columns: {columns}")
     paired = [block for block in blocks if isinstance(block, Table) and not block.lacks_orientations]
     if len(paired) == len(blocks):
-        return _completed(_samples(Table.concatenate(paired), path), path, options, tell)
+        whole = Table.concatenate(paired)
+        said = (without_reading(lacking),) if (lacking := int(np.sum(~whole.has_reading))) else ()
+        return _completed(samples_of(whole, path), path, options, tell, said)
     from ..samples.delay import on_one_clock
 
     begin(f"finding the delay in {Path(path).name}")
@@ -169,13 +170,10 @@ def read_samples(
         streams = replace(streams, wrench=replace(streams.wrench, saturated=at_limit(streams.wrench.wrench)))
     samples, notes = on_one_clock(streams)
     both = samples.source if options.pose_file is None else f"{samples.source}, {name_of(options.pose_file)}"
-    samples = replace(samples, damage=streams.damage, source=both)
-    for note in notes:
-        tell(note)
-    return _completed(samples, path, options, tell)
+    return _completed(replace(samples, damage=streams.damage, source=both), path, options, tell, notes)
 
 
-def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell) -> Samples:
+def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell, before: tuple[str, ...]) -> Samples:
     """With an accelerometer's readings, and what is doubtful in how angles were read; `tell` hears of times, and of
     many readings at a limit, which leave too little of what will be asked for.
     """
@@ -184,7 +182,7 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell)
     if begins_anew(samples) and is_stream(samples):
         samples, anew = counted_on(samples)
         notes += anew
-    for note in notes:
+    for note in (*before, *notes):
         tell(note)
     if samples.saturated is None and samples.t is not None:
         samples = replace(samples, saturated=at_limit(samples.wrench))
@@ -263,11 +261,12 @@ def _as_streams(block: Block, path: str | Path) -> Streams:
     return block if isinstance(block, Streams) else _streams(block, block, path, path)
 
 
-def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | Path) -> Streams:
-    """The rows of a table that have a wrench, and those of another, or the same, that have an orientation. Raises
-    `FileFormatError` where there are no times.
+def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | Path, *, every: bool = False) -> Streams:
+    """The rows of a table that have a wrench, or `every` one, and those of another, or the same, with an orientation.
+    Raises `FileFormatError` where there are no times.
     """
-    wrench, pose = wrenches.select(wrenches.has_wrench), poses.select(poses.has_orientation)
+    wrench = wrenches if every else wrenches.select(wrenches.has_wrench)
+    pose = poses.select(poses.has_orientation)
     if wrench.t is None or pose.t is None:
         raise FileFormatError(
             f"{name_of(path)}: found no column t, expected the time of each row of a recording: add it, or use the "
@@ -282,8 +281,8 @@ def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | P
     return Streams(readings, orientation, read_as_of_both(wrench, pose))
 
 
-def _samples(table: Table, path: str | Path) -> Samples:
-    """The rows that have a wrench, each with its orientation. Raises `FileFormatError`, also where one has none."""
+def samples_of(table: Table, path: str | Path) -> Samples:
+    """The rows that have a reading, each with its orientation. Raises `FileFormatError`, also where one has none."""
     if table.lacks_orientations:
         lacking = table.has_wrench & ~table.has_orientation
         t = np.nan if table.t is None else table.t[lacking][0]
@@ -291,7 +290,7 @@ def _samples(table: Table, path: str | Path) -> Samples:
             f"{name_of(path)}: found a wrench without an orientation at t = {t:.6f} s, expected one in each row as in "
             "the first rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
         )
-    rows = table if table.has_wrench.all() else table.select(table.has_wrench)
+    rows = table if table.has_reading.all() else table.select(table.has_reading)
     saturated = None if rows.saturated is None else rows.saturated == 1.0
     try:
         of_each = rows.wrench, rows.orientation, rows.t, rows.position, rows.load_mass

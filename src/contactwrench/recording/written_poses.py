@@ -134,7 +134,7 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
             complaint = str(error)
     posed = np.concatenate([block.has_orientation for block in pose_blocks])
     loaded = [((block.saturated == 1.0).any(axis=1) | (block.load > 0.0).any(axis=1)) for block in blocks]
-    free = np.concatenate([block.has_wrench for block in blocks]) & ~np.concatenate(loaded)
+    free = ~np.isnan(np.concatenate([block.wrench for block in blocks])).any(axis=1) & ~np.concatenate(loaded)
     t, pose_t = _times(blocks), _times(pose_blocks)
     in_rows = pose_table is table and not (free & ~posed).any()
     if in_rows:

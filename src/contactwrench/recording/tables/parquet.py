@@ -98,12 +98,15 @@ def open_parquet(path: str | Path, rows: int, episode: int | None, *, whole: boo
     return OpenTable(str(path), places_of((field.name for field in fields), str(path)), bodies)
 
 
-def rows_as_stored(path: str | Path, naming: Naming) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
-    """All columns as the files have them, a record batch at a time, and which of its rows (n,) have a wrench."""
+def rows_as_stored(path: str | Path, naming: Naming, every: bool) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
+    """All columns as the files have them, a record batch at a time, and which of its rows (n,) have any of a wrench, or
+    that `every` one counts.
+    """
     table = one_episode(open_parquet(path, ROWS, naming.episode, whole=True), naming.episode)
-    fx = wrench_columns(table, naming)[0]
-    for body in table.bodies([fx]):
-        yield cast(Records, body).record, ~np.isnan(body.numbers([fx], may_lack=[fx])[:, 0])
+    wrench = wrench_columns(table, naming)
+    for body in table.bodies(wrench):
+        lacking = np.isnan(body.numbers(wrench, may_lack=wrench)).all(axis=1)
+        yield cast(Records, body).record, np.asarray(~lacking | every)
 
 
 class Records(Batch):

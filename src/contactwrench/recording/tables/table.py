@@ -17,6 +17,7 @@ from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
 from ...geometry.ranges import LOAD_KG, TIME
 from ...samples.samples import LARGEST_READING, ReadAs
+from ...statistics import counted
 from . import csv, hdf5, parquet
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, unheard, with_slices
 from .csv import open_csv
@@ -38,8 +39,8 @@ class Table(Rows):
     """What rows of a file hold, as its writer meant it: SI units, the file's own sign, frame and direction of rotation.
 
     `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,) 0 or 1. In
-    a recording with times a row may lack its wrench, with load and saturation, or its orientation, with the position:
-    NaN. What is in none of the rows is None. `read_as` as in `Samples`.
+    a recording with times a row may lack its wrench, with load and saturation, or a part of it, or its orientation,
+    with the position: NaN. What is in none of the rows is None. `read_as` as in `Samples`.
     """
 
     wrench: Array = field(metadata=column(6))
@@ -52,8 +53,13 @@ class Table(Rows):
 
     @property
     def has_wrench(self) -> NDArray[np.bool_]:
-        """Whether a row (n,) has a wrench."""
-        return ~np.isnan(self.wrench[:, 0])
+        """Whether a row (n,) has a wrench, or a part of one, which is no reading."""
+        return np.asarray(~np.isnan(self.wrench).all(axis=1))
+
+    @property
+    def has_reading(self) -> NDArray[np.bool_]:
+        """Whether a row (n,) has a whole wrench."""
+        return np.asarray(~np.isnan(self.wrench).any(axis=1))
 
     @property
     def has_orientation(self) -> NDArray[np.bool_]:
@@ -70,7 +76,7 @@ class Table(Rows):
 class WrittenRows:
     """A block of rows before rotations are made of its orientation: the `roles` of its columns, and what is in each of
     them, SI: `t` (n, 1), `wrench` (n, 6), `load` (n, 1), `saturated` (n, 1), `orientation` (n, k), `position` (n, 3),
-    or (n, 0) where there is none; `has_wrench` and `has_orientation` (n,).
+    or (n, 0) where there is none; `has_wrench`, or a part of one, and `has_orientation` (n,).
     """
 
     body: Body
@@ -149,6 +155,11 @@ def _read_as(roles: ColumnRoles) -> ReadAs:
     return {name: what for name, what in told.items() if what}
 
 
+def without_reading(rows: int) -> str:
+    """That so many rows of a recording have none."""
+    return f"found no whole reading (nothing, or NaN) in {counted(rows, 'row')}: not used"
+
+
 def read_as_of_both(wrench: Table, pose: Table) -> ReadAs:
     """What two tables told, or one of which some rows have wrenches and others poses."""
     joined = {}
@@ -165,7 +176,7 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     parts = in_si(body, (roles.t, of_wrench, of_pose), may_lack)
     t, with_wrench, with_pose = parts
     wrench, load, saturated = np.split(with_wrench, np.cumsum([len(roles.wrench), len(roles.load)]).tolist(), axis=1)
-    has_wrench = _rows_there(body, of_wrench, with_wrench, len(roles.wrench))
+    has_wrench = _rows_there(body, of_wrench, with_wrench, len(roles.wrench), may_be_half=True)
     limit = f"at most {LARGEST_READING:g} N or N m"
     _require(~(np.abs(wrench) > LARGEST_READING), wrench, roles.wrench, body, limit)
     _require(LOAD_KG.holds(load) | np.isnan(load), load, roles.load, body, str(LOAD_KG))
@@ -185,13 +196,16 @@ def in_si(body: Body, groups: Sequence[Sequence[Column]], may_lack: Sequence[Col
     return np.split(values, np.cumsum([len(group) for group in groups])[:-1].tolist(), axis=1)
 
 
-def _rows_there(body: Body, columns: Sequence[Column], values: Array, core: int) -> NDArray[np.bool_]:
-    """The rows (n,) that have what `columns` hold, values (n, k): by the first `core` of them, all or none of which are
-    there. Raises `FileFormatError` naming a cell that is empty beside others that are not.
+def _rows_there(
+    body: Body, columns: Sequence[Column], values: Array, core: int, *, may_be_half: bool = False
+) -> NDArray[np.bool_]:
+    """The rows (n,) that have what `columns` hold, values (n, k): by the first `core` of them, of which all or none are
+    there, unless they `may_be_half`. Raises `FileFormatError` naming a cell that is empty beside others that are not.
     """
     lacking: NDArray[np.bool_] = np.isnan(values)
     there: NDArray[np.bool_] = ~np.all(lacking[:, :core], axis=1)
     half = lacking & there[:, None]
+    half[:, :core] &= not may_be_half
     if half.any():
         index, k = (int(place) for place in np.argwhere(half)[0])
         body.refuse_lack(index, columns[k])

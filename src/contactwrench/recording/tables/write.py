@@ -30,7 +30,12 @@ LINES = 2000
 
 
 def write_contact_wrenches(
-    path: str | Path, batches: Iterable[ContactWrenches], recording: str | Path | None = None, naming: Naming = AS_NAMED
+    path: str | Path,
+    batches: Iterable[ContactWrenches],
+    recording: str | Path | None = None,
+    naming: Naming = AS_NAMED,
+    *,
+    every_row: bool = False,
 ) -> None:
     """Write one row per sample, in order. Memory for one batch.
 
@@ -41,6 +46,7 @@ def write_contact_wrenches(
             ones, named contact_fx and so on where it has one of their names, stand beside them: null in rows without a
             wrench.
         naming: which of the recording's columns are what, as far as it was stated.
+        every_row: of the recording was compensated, those without a wrench too.
 
     Raises:
         FileAccessError: where the file cannot be written.
@@ -49,7 +55,7 @@ def write_contact_wrenches(
     if Path(path).suffix.lower() not in SUFFIXES:
         write_text(path, _csv(iter(batches)))
     elif recording is not None and is_parquet(recording):
-        write_bytes(Path(path), _parquet(_beside(recording, naming, iter(batches))))
+        write_bytes(Path(path), _parquet(_beside(recording, naming, iter(batches), every_row)))
     else:
         write_bytes(Path(path), _parquet(map(columns_of, batches)))
 
@@ -114,12 +120,14 @@ def columns_of(batch: ContactWrenches) -> dict[str, Any]:
     return columns
 
 
-def _beside(recording: str | Path, naming: Naming, batches: Iterator[ContactWrenches]) -> Iterator[dict[str, Any]]:
-    """The recording's columns and, in the rows that have a wrench, the new ones."""
+def _beside(
+    recording: str | Path, naming: Naming, batches: Iterator[ContactWrenches], every_row: bool
+) -> Iterator[dict[str, Any]]:
+    """The recording's columns and, in the rows that have a wrench, or in all, the new ones."""
     import pyarrow as pa
 
     waiting, prefix = None, ""
-    for record, has_wrench in rows_as_stored(recording, naming):
+    for record, has_wrench in rows_as_stored(recording, naming, every_row):
         parts: list[Any] = [] if waiting is None else [waiting]
         wanted = int(has_wrench.sum())
         while sum(len(part) for part in parts) < wanted or not parts:

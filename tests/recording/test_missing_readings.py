@@ -1,0 +1,135 @@
+"""Readings that a recorder did not get: such rows come out without a contact wrench, and are counted."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
+from tests.support.world import Array
+
+Capture = pytest.CaptureFixture[str]
+N, STOP = 4000, 250
+WEIGHT, COM = 9.0, np.array([0.01, -0.02, 0.07])
+BIAS = np.array([3.0, -4.0, 11.0, 0.2, -0.1, 0.05])
+LACK = [0, 7, 8, 9, 700, 701, 3998, 3999]
+"""Rows that lack all or a part of a reading, the first and the last ones too."""
+
+
+def recorded(seed: int) -> tuple[Array, Array, Array]:
+    """Times, readings, and orientations of an arm that goes from stop to stop with a free tool, at 100 Hz."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(N) / 100.0
+    mount, way = Rotation.random(random_state=rng), Rotation.random(N // STOP + 2, random_state=rng).as_rotvec()
+    stop, moved = np.arange(N) // STOP, np.clip((np.arange(N) % STOP - 100) / 150.0, 0.0, 1.0)[:, None]
+    share = 0.5 - 0.5 * np.cos(np.pi * moved)
+    R = Rotation.from_rotvec(way[stop] + share * (way[stop + 1] - way[stop]))
+    force = (R * mount).inv().apply([0.0, 0.0, -WEIGHT])
+    noise = rng.normal(size=(N, 6)) * np.repeat([0.02, 0.001], 3)
+    return t, np.hstack([force, np.cross(COM, force)]) + BIAS + noise, R.as_matrix()
+
+
+def table_of(t: Array, wrench: Array, R: Array, cell: str, channels: list[int]) -> str:
+    """As CSV, those channels of the rows that lack them written as `cell`."""
+    lines = csv_text(("t", *WRENCH, *MATRIX), np.column_stack([t, wrench, R.reshape(-1, 9)])).splitlines()
+    for row in LACK:
+        cells = lines[row + 1].split(",")
+        for channel in channels:
+            cells[channel + 1] = cell
+        lines[row + 1] = ",".join(cells)
+    return "\n".join([*lines, ""])
+
+
+def calibrated(folder: Path, seed: int) -> Path:
+    _, wrench, R = recorded(seed)
+    at_stops = np.arange(50, N, STOP)
+    calibration = cw.calibrate(cw.Samples(wrench[at_stops], R[at_stops]), "mount")
+    assert calibration.weight == pytest.approx(WEIGHT, abs=0.1)
+    calibration.save(folder / "tool.json")
+    return folder / "tool.json"
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("cell", ["", "nan", "NaN"])
+@pytest.mark.parametrize("channels", [[3], [0, 1], list(range(6))])
+def test_rows_without_a_reading_have_no_contact_wrench(
+    tmp_path: Path, capsys: Capture, cell: str, channels: list[int]
+) -> None:
+    tool, (t, wrench, R) = calibrated(tmp_path, 1), recorded(1)
+    path = written(tmp_path, table_of(t, wrench, R, cell, channels), "run.csv")
+    plain = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "plain.csv")
+    assert plain.status == 0
+    assert plain.err == "Note: found no whole reading (nothing, or NaN) in 8 rows: not used\n"
+    judged = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "judged.csv", "--contact", "--noise", "0.02")
+    assert judged.status == 0
+    assert "Note: 8 readings that are not numbers left out" in judged.err
+    whole = cw.Calibration.load(tool).compensate(wrench, R)
+    for name in ("plain.csv", "judged.csv"):
+        rows = rows_of(tmp_path / name)
+        assert [float(row["t"]) for row in rows] == t.tolist()
+        found = np.array([[float(row[axis]) for axis in WRENCH] for row in rows])
+        assert np.flatnonzero(np.isnan(found).all(axis=1)).tolist() == LACK
+        there = ~np.isnan(found).any(axis=1)
+        assert there.sum() == N - len(LACK)
+        assert found[there] == pytest.approx(whole[there], abs=1e-6)
+    without = [row for row in rows if row["reason"] == "left out: the reading is not a number"]
+    assert {row["valid"] for row in without} == {"0"}
+    assert len(without) == len(LACK)
+    assert np.mean([row["valid"] == "1" for row in rows]) > 0.99
+
+
+@pytest.mark.parametrize("channels", [[5], list(range(6))])
+def test_a_parquet_recording_keeps_its_rows(tmp_path: Path, capsys: Capture, channels: list[int]) -> None:
+    pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    tool, (t, wrench, R) = calibrated(tmp_path, 2), recorded(2)
+    columns = dict(zip(("t", *WRENCH, *MATRIX), np.column_stack([t, wrench, R.reshape(-1, 9)]).T.copy(), strict=True))
+    for channel in channels:
+        columns[WRENCH[channel]][LACK] = np.nan
+    parquet.write_table(pa.table(columns), tmp_path / "run.parquet", row_group_size=300)
+    for judging in ((), ("--contact", "--noise", "0.02")):
+        out = tmp_path / f"out{len(judging)}.parquet"
+        done = run(capsys, "compensate", tmp_path / "run.parquet", "-c", tool, "-o", out, *judging)
+        assert done.status == 0, done.err
+        found = parquet.read_table(out)
+        assert found.num_rows == N
+        assert np.flatnonzero(np.isnan(found["contact_fx"].to_numpy())).tolist() == LACK
+        assert found["r11"].to_numpy() == pytest.approx(R[:, 0, 0])
+
+
+@pytest.mark.parametrize("channels", [[2], list(range(6))])
+def test_a_calibration_does_without_them_and_says_so(tmp_path: Path, capsys: Capture, channels: list[int]) -> None:
+    t, wrench, R = recorded(3)
+    path = written(tmp_path, table_of(t, wrench, R, "", channels), "run.csv")
+    done = run(capsys, "calibrate", path, "-o", tmp_path / "tool.json")
+    assert done.status == 0, done.err
+    assert done.err.count("found no whole reading (nothing, or NaN) in 8 rows: not used") == 1
+    assert cw.Calibration.load(tmp_path / "tool.json").weight == pytest.approx(WEIGHT, abs=0.1)
+
+
+def test_a_whole_recording_says_nothing_of_it(tmp_path: Path, capsys: Capture) -> None:
+    tool, (t, wrench, R) = calibrated(tmp_path, 4), recorded(4)
+    path = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), np.column_stack([t, wrench, R.reshape(-1, 9)])), "a.csv")
+    done = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "o.csv")
+    assert (done.status, done.err) == (0, "")
+
+
+def test_a_table_of_poses_has_a_number_in_each_cell(tmp_path: Path, capsys: Capture) -> None:
+    _, wrench, R = recorded(5)
+    text = csv_text((*WRENCH, *MATRIX), np.column_stack([wrench, R.reshape(-1, 9)])[50::STOP])
+    lines = text.splitlines()
+    lines[4] = ",".join(["", *lines[4].split(",")[1:]])
+    path = written(tmp_path, "\n".join([*lines, ""]), "poses.csv")
+    done = run(capsys, "calibrate", path)
+    assert done.status == 2
+    said = "row 5, column fx: found nothing, expected a number: fill it in or leave the row out"
+    assert done.err == f"contactwrench: {path}: {said}\n"
