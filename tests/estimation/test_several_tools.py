@@ -60,7 +60,7 @@ def mounting_error(calibration: cw.Calibration, rig: Rig) -> Array:
 
 
 @pytest.mark.slow
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seeds)
 def test_nearly_perfect_readings_give_every_tool_and_the_base_it_stands_on(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -71,7 +71,7 @@ def test_nearly_perfect_readings_give_every_tool_and_the_base_it_stands_on(seed:
 
 
 @pytest.mark.slow
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=1, deadline=None)
 @given(seeds)
 def test_what_is_shared_is_the_very_same_in_all_and_the_rest_is_not(seed: int) -> None:
     rng = np.random.default_rng(seed)
