@@ -62,7 +62,7 @@ def _off(calibration: cw.Calibration, rig: Rig) -> float:
         (np.repeat(np.arange(POSES), 10), list(range(40, 44))),
     ],
 )
-@pytest.mark.parametrize("size", [0.25, 1.0, 10.0])
+@pytest.mark.parametrize("size", [0.25, 10.0])
 def test_a_row_in_contact_costs_no_more_than_its_pose(of_row: NDArray[np.intp], bad: list[int], size: float) -> None:
     rig, samples, clean = _clean(*of_row.tolist())
     calibration = cw.calibrate(_moved(samples, bad, size * CONTACT))
@@ -108,7 +108,7 @@ def test_only_the_first_are_named() -> None:
 )
 @pytest.mark.parametrize("noise", [NOISE, NOISE * np.array([1.0, 1.0, 4.0, 1.0, 1.0, 4.0])])
 def test_rows_that_agree_stay_together(of_row: NDArray[np.intp], noise: Array) -> None:
-    for seed in range(8):
+    for seed in range(3):
         calibration = cw.calibrate(_table(seed, of_row, noise)[1], "mount")
         assert not _apart(calibration)
         assert len(calibration.poses) == POSES
@@ -116,7 +116,7 @@ def test_rows_that_agree_stay_together(of_row: NDArray[np.intp], noise: Array) -
 
 @pytest.mark.slow
 def test_coarse_digits_and_an_arm_that_shakes_at_one_pose_part_nothing() -> None:
-    for seed in range(8):
+    for seed in range(4):
         _, samples = _table(seed, np.repeat(np.arange(POSES), 10))
         coarse = replace(samples, wrench=np.round(samples.wrench / (4.0 * NOISE)) * (4.0 * NOISE))
         shaking = np.random.default_rng(seed).normal(size=(10, 6)) * 2.0 * NOISE
@@ -155,7 +155,7 @@ def test_a_new_zero_at_the_end_is_no_accident_of_every_orientation(model: str) -
 
 
 def test_a_heavy_tool_turned_by_less_than_counts_reads_otherwise_and_is_not_called_apart() -> None:
-    for seed in range(6):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         rig, R = replace(random_rig(rng), weight=100.0), random_rotations(20, rng)
         nearly = R[[3, 7]] @ Rotation.from_rotvec([0.17, 0.0, 0.0], degrees=True).as_matrix()
