@@ -249,7 +249,7 @@ def test_rows_taken_on_the_way_are_not_called_good() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", measured_sets())
-@pytest.mark.parametrize("model", ["auto", "mount", "mount+base"])
+@pytest.mark.parametrize("model", ["auto", "mount"])
 def test_measured_poses_stay_good(name: str, model: str) -> None:
     found = cw.calibrate(measured_sets()[name], model)
     assert not [warning for warning in found.warnings if "what is left in one pose" in warning]
