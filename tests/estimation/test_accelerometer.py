@@ -118,10 +118,9 @@ def test_exchanged_axes_are_said_and_change_nothing(axes: list[int]) -> None:
     assert found.inertia == pytest.approx(calibrated_by_accelerometer().inertia, abs=1e-9)
 
 
-@pytest.mark.parametrize("late", [0.010, 0.030])
-def test_poses_that_are_ahead_of_the_wrench_are_found_to_be(late: float) -> None:
+def test_poses_that_are_ahead_of_the_wrench_are_found_to_be() -> None:
     """No position tells their delay: what turns does, once gravity and acceleration are both the accelerometer's."""
-    samples = with_readings(Mounted())
+    samples, late = with_readings(Mounted()), 0.030
     rows = round(late * pushed().settings.recording.rate)
     place = np.minimum(np.arange(len(samples)) + rows, len(samples) - 1)
     found = cw.calibrate(replace(samples, R_base_flange=samples.R_base_flange[place]), "dynamic")

@@ -162,7 +162,7 @@ def test_a_prior_is_counted_once() -> None:
 
 
 @cache
-def agreeing() -> list[cw.Calibration]:
+def agreeing() -> tuple[cw.Calibration, ...]:
     """Of three recordings on one mounting and one base."""
     return calibrate_shared(contradicting(0.0), BOTH)
 
