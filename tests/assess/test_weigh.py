@@ -140,7 +140,7 @@ def test_orientations_that_are_a_bit_off_turn_the_object_too(seen: bool) -> None
             return off
 
         noise = 0.3 * NOISE
-        calibration = cw.calibrate(cw.Samples(readings(rig, turned(R)) + noise * rng.normal(size=(16, 6)), R))
+        calibration = cw.calibrate(cw.Samples(readings(rig, turned(R)) + noise * rng.normal(size=(16, 6)), R), "mount")
         assert (calibration.orientation_std is not None) == seen
         at = random_rotations(6, rng)
         wrench = _holding(rig, 3.0, COM, turned(at)) + noise * rng.normal(size=(6, 6))

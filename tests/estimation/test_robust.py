@@ -206,7 +206,7 @@ def test_the_same_push_in_four_poses() -> None:
         wrench = noisy_readings(rig, R, NOISE, rng)
         push = rng.normal(size=6)
         wrench[BAD] += size * NOISE * push / np.linalg.norm(push)
-        assert set(BAD) <= set(_left_out(cw.calibrate(cw.Samples(wrench, R)))), (seed, size)
+        assert set(BAD) <= set(_left_out(cw.calibrate(cw.Samples(wrench, R), "mount"))), (seed, size)
 
 
 @pytest.mark.slow
@@ -226,11 +226,11 @@ def test_visits_to_the_same_pose_tell_a_drift() -> None:
     again = np.concatenate([R[:12], R[:12]])
     wrench = noisy_readings(rig, again, NOISE, rng)
     wrench[:12] += np.array([1.0, 0.0, -1.0, 0.03, 0.0, 0.0])
-    calibration = cw.calibrate(cw.Samples(wrench, again))
+    calibration = cw.calibrate(cw.Samples(wrench, again), "mount")
     (finding,) = _of_bias(calibration)
     assert finding.text.startswith("the bias stepped before pose 13 by up to 1 N and ")
     assert len(calibration.poses) == 24
-    assert len(cw.calibrate(cw.Samples(noisy_readings(rig, again, NOISE, rng), again)).poses) == 12
+    assert len(cw.calibrate(cw.Samples(noisy_readings(rig, again, NOISE, rng), again), "mount").poses) == 12
 
 
 @pytest.mark.slow
@@ -240,8 +240,8 @@ def test_order_in_the_file_does_not_matter_where_time_is_known() -> None:
     wrench = noisy_readings(rig, R, NOISE, rng)
     wrench[:9] += np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.05])
     shuffled = rng.permutation(24)
-    straight = cw.calibrate(cw.Samples(wrench, R, t=t))
-    mixed = cw.calibrate(cw.Samples(wrench[shuffled], R[shuffled], t=t[shuffled]))
+    straight = cw.calibrate(cw.Samples(wrench, R, t=t), "mount")
+    mixed = cw.calibrate(cw.Samples(wrench[shuffled], R[shuffled], t=t[shuffled]), "mount")
     assert mixed.parameters == pytest.approx(straight.parameters, abs=1e-9)
     assert _of_bias(mixed) == _of_bias(straight)
 
@@ -323,7 +323,7 @@ def _with_some_alike(seed: int, first: int, count: int) -> tuple[Rig, cw.Calibra
     rig, R, rng = _rig(seed)
     wrench = noisy_readings(replace(rig, weight=20.0), R, NOISE, rng)
     wrench[first : first + count] += APART
-    return rig, cw.calibrate(cw.Samples(wrench, R))
+    return rig, cw.calibrate(cw.Samples(wrench, R), "mount")
 
 
 def test_several_poses_left_out_alike_may_be_on_the_other_side_of_backlash_too() -> None:
@@ -386,7 +386,7 @@ def test_what_a_robot_is_off_in_all_poses_alike_is_in_the_std() -> None:
         for k in range(1, 24):
             turns[k] = 0.85 * turns[k - 1] + np.sqrt(1.0 - 0.85**2) * turns[k]
         wrench = noisy_readings(rig, R @ Rotation.from_rotvec(turns).as_matrix(), NOISE, rng)
-        calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S))
+        calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S), "mount")
         off = (calibration.predict(R) - readings(rig, R))[:, :3]
         squared.append(np.sum(off**2) / np.sum(calibration.wrench_std(R)[:, :3] ** 2))
     assert np.median(squared) < 1.5

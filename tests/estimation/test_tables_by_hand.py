@@ -41,7 +41,7 @@ def test_what_is_written_to_a_few_digits_is_believed_to_half_a_step(steps: tuple
     for seed in range(5):
         rng = np.random.default_rng(seed)
         rig = usual_rig(rng)
-        calibration = cw.calibrate(_written(rig, ALONG_THE_AXES, steps, rng))
+        calibration = cw.calibrate(_written(rig, ALONG_THE_AXES, steps, rng), "mount")
         assert np.abs(_errors(calibration, rig)).max() < 5.0
         assert calibration.expected_error[0] > 0.4 * steps[0]
 
@@ -104,7 +104,7 @@ def test_what_a_reading_keeps_of_the_pose_before_is_found_by_the_order_and_makes
         rng = np.random.default_rng(seed)
         rig, R = replace(usual_rig(rng), weight=20.0), random_rotations(24, rng)
         t = 15.0 * np.arange(24.0)
-        calibration = cw.calibrate(cw.Samples(_creeping(rig, R, 0.03, rng), R, t))
+        calibration = cw.calibrate(cw.Samples(_creeping(rig, R, 0.03, rng), R, t), "mount")
         assert np.abs(_errors(calibration, rig)).max() < 4.5
         assert calibration.weight == pytest.approx(20.0, abs=0.1)  # by the poses alone 0.6 N less
         (found,) = [finding for finding in calibration.findings if finding.kind is Kind.CREEP]
@@ -121,7 +121,7 @@ def test_without_creep_or_without_an_order_none_is_found() -> None:
     for seed in range(4):
         rng = np.random.default_rng(100 + seed)
         rig, R = usual_rig(rng), random_rotations(24, rng)
-        steady = cw.calibrate(cw.Samples(_creeping(rig, R, 0.0, rng), R, 15.0 * np.arange(24.0)))
-        unordered = cw.calibrate(cw.Samples(_creeping(rig, R, 0.03, rng), R))
+        steady = cw.calibrate(cw.Samples(_creeping(rig, R, 0.0, rng), R, 15.0 * np.arange(24.0)), "mount")
+        unordered = cw.calibrate(cw.Samples(_creeping(rig, R, 0.03, rng), R), "mount")
         for calibration in (steady, unordered):
             assert not [finding for finding in calibration.findings if finding.kind is Kind.CREEP]

@@ -35,7 +35,9 @@ def test_a_weight_that_changes_is_said(poses: int, share: float) -> None:
     half = poses // 2
     lost = np.where(np.arange(poses) < half, 0.0, share)
     wrench = noisy(rig, R, rng, 0.3 * NOISE).wrench + _lighter(rig, R, lost)
-    calibration = cw.calibrate(cw.Samples(wrench, R, 20.0 * np.arange(float(poses))))
+    calibration = cw.calibrate(
+        cw.Samples(wrench, R, 20.0 * np.arange(float(poses))), "auto" if poses == 12 else "mount"
+    )
     (said,) = _of(calibration, Kind.WEIGHT_CHANGED)
     by = abs(share) * rig.weight
     assert said.text.startswith("weak: the tool weighs ")
@@ -50,13 +52,13 @@ def test_a_weight_that_changes_between_two_rounds_of_the_same_poses_is_said(time
     twice = np.concatenate([R, R])
     lost = np.repeat([0.0, 0.1], 10)
     wrench = noisy(rig, twice, rng, 0.3 * NOISE).wrench + _lighter(rig, twice, lost)
-    t = 20.0 * np.arange(20.0) if timed else None
-    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t)), Kind.WEIGHT_CHANGED)
+    t, model = (20.0 * np.arange(20.0), "auto") if timed else (None, "mount")
+    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t), model), Kind.WEIGHT_CHANGED)
     assert "less after the first 10 poses that count" in said.text
     wrench[[3, 13], 1] += 2.0 * rig.weight
-    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t)), Kind.WEIGHT_CHANGED)
+    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t), model), Kind.WEIGHT_CHANGED)
     assert "less after the first 9 poses that count" in said.text
-    calibration = cw.calibrate(cw.Samples(noisy(rig, twice, rng, 0.3 * NOISE).wrench, twice, t))
+    calibration = cw.calibrate(cw.Samples(noisy(rig, twice, rng, 0.3 * NOISE).wrench, twice, t), model)
     assert _of(calibration, Kind.WEIGHT_CHANGED) == []
 
 
@@ -67,7 +69,7 @@ def test_a_bias_that_steps_and_a_robot_that_errs_are_no_weight_that_changes(seed
     wrench[poses // 2 :] += 10.0 * NOISE * rng.normal(size=6)
     erring = R @ Rotation.from_rotvec(np.deg2rad(0.3) * rng.normal(size=(poses, 3))).as_matrix()
     for given, orientations in ((wrench, R), (noisy(rig, R, rng).wrench, erring)):
-        calibration = cw.calibrate(cw.Samples(given, orientations, 20.0 * np.arange(float(poses))))
+        calibration = cw.calibrate(cw.Samples(given, orientations, 20.0 * np.arange(float(poses))), "mount")
         assert _of(calibration, Kind.WEIGHT_CHANGED) == _of(calibration, Kind.UNCONFIRMED) == []
 
 
@@ -177,7 +179,7 @@ def test_a_pose_off_in_torque_alone_is_no_contact(seed: int) -> None:
     shifted[4, 3:] += 0.12 * lever / np.linalg.norm(lever)
     pushed[4] += [1.0, 0.0, 0.0, 0.0, 0.12, 0.0]
     for read, said in ((shifted, True), (pushed, False)):
-        calibration = cw.calibrate(cw.Samples(read, R))
+        calibration = cw.calibrate(cw.Samples(read, R), "mount")
         texts = [finding.text for finding in _of(calibration, Kind.POSE_LEFT_OUT)]
         assert any(text.startswith("pose 5 was left out") for text in texts)
         assert any(text.startswith(f"doubtful: pose 5 {SHIFTED}") for text in texts) == said
