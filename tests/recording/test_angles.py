@@ -68,7 +68,7 @@ def test_a_fit_that_is_good_by_chance_is_doubtful(tmp_path: Path, capsys: pytest
     tilts = Rotation.from_euler("ZYX", rng.uniform(-0.35, 0.35, size=(12, 3)))
     R: Array = (down * tilts).as_matrix()
     path = written(tmp_path, IN_RADIANS["kuka_abc"].text(R, noisy_readings(rig, R, 0.1 * NOISE, rng)))
-    done = run(capsys, "calibrate", path, "--json")
+    done = run(capsys, "calibrate", path, "--model", "mount", "--json")
     if done.status == 2:
         assert doubt("a, b, c", "kuka_abc") in done.err
     else:
