@@ -129,26 +129,16 @@ def nearest_possible(inertia: Array, covariance: Array, mass: float) -> tuple[Ar
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     wanted, size = elements(inertia), mass * LEAST_SIZE**2
 
-    units = np.zeros((6, 3, 3))
-    units[range(6), *np.tril_indices(3)] = 1.0
-
     def inertia_of(lower: Array) -> Array:
-        L = np.tensordot(lower, units, 1)
+        L = np.zeros((3, 3))
+        L[np.tril_indices(3)] = lower
         second = mass * (L @ L.T) + size * np.eye(3)
         return np.asarray(np.trace(second) * np.eye(3) - second)
-
-    def derivative(lower: Array) -> Array:
-        half = mass * units @ np.tensordot(lower, units, 1).T
-        second = half + half.transpose(0, 2, 1)
-        turned = np.trace(second, axis1=1, axis2=2)[:, None, None] * np.eye(3) - second
-        return np.asarray(whiten @ [turned[:, i, j] for i, j in PRODUCTS])
 
     values, vectors = np.linalg.eigh(second_moments(inertia))
     begin = np.linalg.cholesky((vectors * np.maximum(values / mass, 10.0 * LEAST_SIZE**2)) @ vectors.T)
     first = begin[np.tril_indices(3)]
-    found = least_squares(
-        lambda lower: whiten @ (elements(inertia_of(lower)) - wanted), first, derivative, x_scale="jac"
-    )
+    found = least_squares(lambda lower: whiten @ (elements(inertia_of(lower)) - wanted), first, x_scale="jac")
     return symmetric(elements(inertia_of(found.x))), float(np.sqrt(2.0 * found.cost))
 
 

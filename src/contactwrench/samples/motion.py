@@ -69,11 +69,8 @@ class ArmMotion:
     def _area_until(self, t: Array) -> Array:
         place = self._place(t)
         since = (t - self.t[place])[:, None]
-        area: Array = self.area[0].take(place, axis=0)
-        for coefficient in self.area[1:]:
-            area *= since
-            area += coefficient.take(place, axis=0)
-        return area
+        curve, slope, start = (each.take(place, axis=0) for each in self.area)
+        return np.asarray(start + since * (slope + since * curve))
 
     def _place(self, t: Array) -> NDArray[np.intp]:
         """The nodes that come before t (n,), the last one left out."""
