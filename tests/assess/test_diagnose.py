@@ -37,7 +37,7 @@ from tests.support.rigs import NOISE, example, seeds
 from tests.support.world import Array, noisy_readings, random_rig, random_rotations, tilted_down
 from tests.support.written import QUAT, Written, euler, in_base_axes, quat, rotvec
 
-RIGHT = Written(QUAT, quat)
+RIGHT, KUKA = Written(QUAT, quat), Written(("a", "b", "c"), euler("ZYX"))
 
 BY_FLAGS = {
     "fanuc as kuka": (Written(("a", "b", "c"), euler("xyz")), "--orientation fanuc_wpr:a,b,c"),
@@ -79,7 +79,8 @@ def test_flags_that_mend_a_reading_are_found(mistake: str, tmp_path: Path, capsy
     wrong, flags = BY_FLAGS[mistake]
     rig, R, rng = example(list(BY_FLAGS).index(mistake), poses=15)
     path = written(tmp_path, wrong.text(R, noisy_readings(rig, R, NOISE, rng)))
-    first = run(capsys, "calibrate", path)
+    quickly = () if mistake == "fanuc as kuka" else ("--model", "mount")
+    first = run(capsys, "calibrate", path, *quickly)
     assert "contactwrench diagnose" in first.out + first.err or flags in first.err
     done = run(capsys, "diagnose", path)
     assert done.status == 0
@@ -158,7 +159,7 @@ def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=seeds)
 @hypothesis_example(seed=10930)
 def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) -> None:
@@ -174,14 +175,13 @@ def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) ->
     wrench = noisy_readings(rig, R, NOISE, rng)
     if trouble == 3:
         wrench[0] += rng.normal(size=6) * np.repeat([3.0, 0.3], 3)
-    kuka = Written(("a", "b", "c"), euler("ZYX"))
-    diagnosis = found_in(tmp_path, (kuka if rng.random() < 0.5 else RIGHT).text(R, wrench))
+    diagnosis = found_in(tmp_path, (KUKA if rng.random() < 0.5 else RIGHT).text(R, wrench))
     best = diagnosis.best.interpretation
     assert (best.flags, best.mends) == ((), ())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [51, 1500, 1545, 1628, 1706])
+@pytest.mark.parametrize("seed", [51, 1500, 1706])
 def test_right_files_of_few_poses_are_left_alone(seed: int, tmp_path: Path) -> None:
     """Light tools, noise, a pose in contact: of the 2,000 that the benchmark makes, those that were once mended."""
     assert few_left_alone(seed, tmp_path)
@@ -243,8 +243,11 @@ def test_poses_that_are_one_by_a_convention_that_is_not_theirs_stay_two(tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("down", [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], ids=["+x", "-x", "+y"])
-@pytest.mark.parametrize("way", [Written(("a", "b", "c"), euler("ZYX")), RIGHT], ids=["kuka", "quaternion"])
+@pytest.mark.parametrize(
+    ("way", "down"),
+    [(KUKA, [1.0, 0.0, 0.0]), (RIGHT, [-1.0, 0.0, 0.0]), (KUKA, [0.0, 1.0, 0.0])],
+    ids=["kuka on +x", "quaternion on -x", "kuka on +y"],
+)
 def test_a_robot_on_a_wall_looks_like_two_wrong_flags(way: Written, down: list[float], tmp_path: Path) -> None:
     """As given is kept, as `auto` finds the wall; the flags are named, and what decides."""
     rig, R, rng = example(12)

@@ -41,8 +41,6 @@ def moved() -> Moved:
 
 STREAMS = {
     "fanuc as kuka": (Written(("a", "b", "c"), euler("xyz")), "--orientation fanuc_wpr:a,b,c"),
-    "kuka in rad": (Written(("a", "b", "c"), euler("ZYX", degrees=False)), "--orientation euler:ZYX:rad:a,b,c"),
-    "yaskawa as ur": (Written(("rx", "ry", "rz"), euler("xyz")), "--orientation yaskawa"),
     "scalar first": (Written(QUAT, lambda R: quat(R)[:, [3, 0, 1, 2]]), "--orientation quat_wxyz:qx,qy,qz,qw"),
     "inverse": (Written(QUAT, lambda R: quat(R.transpose(0, 2, 1))), "--inverse-orientation"),
     "base axes": (Written(QUAT, quat, in_base_axes), "--wrench-frame base"),

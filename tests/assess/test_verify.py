@@ -29,12 +29,12 @@ def _loaded(rig: Rig, R: Array, mass: float, g: float = 9.80665) -> Array:
 @pytest.mark.parametrize("given_noise", [True, False])
 def test_false_alarms_are_about_one_percent(given_noise: bool) -> None:
     """An alarm every hundredth time: what no alarm at all would be is seen in the test of changed tools."""
-    rig, R, rng = example(1, poses=8)
-    runs, alarms = 50, 0
+    rig, R, rng = example(1, poses=6)
+    runs, alarms = 40, 0
     for samples in samples_of_a_design(rig, R, runs, rng):
         calibration = cw.calibrate(samples, "mount", noise=NOISE if given_noise else None)
-        alarms += sum(not verify(calibration, noisy(rig, random_rotations(10, rng), rng)).passed for _ in range(8))
-    assert alarms / (8 * runs) <= 0.025  # 1 % and three standard deviations
+        alarms += sum(not verify(calibration, noisy(rig, random_rotations(10, rng), rng)).passed for _ in range(4))
+    assert alarms / (4 * runs) <= 0.033  # 1 % and three standard deviations
 
 
 @pytest.mark.parametrize(
@@ -144,8 +144,8 @@ def test_poses_alike_do_not_tell_a_bias_from_another_tool() -> None:
 def test_a_bias_that_stayed_is_seldom_said_to_have_moved() -> None:
     rig, R, rng = example(24)
     calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
-    said = [bool(verify(calibration, noisy(rig, random_rotations(6, rng), rng)).findings) for _ in range(100)]
-    assert np.mean(said) <= 0.03  # 1 % and two standard deviations
+    said = [bool(verify(calibration, noisy(rig, random_rotations(6, rng), rng)).findings) for _ in range(50)]
+    assert np.mean(said) <= 0.038  # 1 % and two standard deviations
 
 
 def test_what_is_reported_of_the_residuals() -> None:
@@ -203,12 +203,12 @@ def test_repeated_rows_count_as_one_pose() -> None:
     rig, R, rng = example(7)
     calibration = cw.calibrate(noisy(rig, R, rng), "mount")
     alarms = 0
-    for _ in range(100):
+    for _ in range(40):
         unseen = random_rotations(5, rng)
         shared = np.repeat(noisy_readings(rig, unseen, NOISE, rng), 50, axis=0)
         rows = cw.Samples(shared + 0.1 * NOISE * rng.normal(size=shared.shape), np.repeat(unseen, 50, axis=0))
         alarms += not verify(calibration, rows).passed
-    assert alarms <= 6
+    assert alarms <= 2
 
 
 def test_single_readings_that_jump_are_left_out_as_in_a_calibration() -> None:
@@ -228,7 +228,7 @@ def test_loads_are_weighed_with_an_honest_std() -> None:
     rig, R, rng = example(8, poses=8)
     masses = np.array([0.1, 0.2, 0.5, 1.0])
     z = []
-    for _ in range(50):
+    for _ in range(25):
         calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
         poses, load = random_rotations(4, rng), masses
         wrench = np.vstack([_loaded(rig, poses[k : k + 1], m) for k, m in enumerate(masses)])
@@ -236,7 +236,7 @@ def test_loads_are_weighed_with_an_honest_std() -> None:
         result = verify(calibration, cw.Samples(wrench, poses, load_mass=load))
         assert [w.actual for w in result.weighings] == pytest.approx(masses)
         z.append([(w.weighed - w.actual) / w.std for w in result.weighings])
-    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.25)
+    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.35)  # two and a half std of 100 squares
 
 
 def test_weighing_at_a_gravity_of_ones_own_and_several_poses() -> None:

@@ -42,7 +42,7 @@ def _down_in_sensor(rig: Rig, R_base_flange: Array) -> Array:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=13)
+@settings(deadline=None, max_examples=8)
 @given(seeds, st.sampled_from([2, 3, 7]), st.sampled_from(["mount", "mount+base", "affine"]))
 def test_any_object_on_any_mounting_and_any_base(seed: int, poses: int, model: str) -> None:
     rig, R, rng = example(seed, poses=14)
@@ -64,7 +64,7 @@ def test_any_object_on_any_mounting_and_any_base(seed: int, poses: int, model: s
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=8)
+@settings(deadline=None, max_examples=4)
 @given(seeds)
 def test_one_pose_gives_the_mass_and_a_line(seed: int) -> None:
     rig, R, rng = example(seed)
@@ -90,17 +90,17 @@ LONG = replace(example(3)[0], weight=6.0, com=np.array([0.15, 0.2, -0.15]))
 
 @cache
 def _calibrations_of_long() -> list[tuple[cw.Calibration, Array]]:
-    """Of 8 poses, each with the noise (6, 6) of poses to weigh at: the covariance of all 14 is that of the noise."""
+    """Of 8 poses, each with the noise (3, 6) of poses to weigh at: the covariance of all 11 is that of the noise."""
     _, R, rng = example(3, poses=8)
     free = readings(LONG, R)
     return [
         (cw.calibrate(cw.Samples(free + off[:8], R), "mount", noise=NOISE), off[8:])
-        for off in noise_of_a_design(100, 14, rng)
+        for off in noise_of_a_design(70, 11, rng)
     ]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("poses", [1, 2, 6])
+@pytest.mark.parametrize("poses", [1, 2, 3])
 def test_std_is_what_the_estimates_scatter_by(poses: int) -> None:
     """Calibration and weighing both repeated."""
     rig, mass, rng = LONG, 1.0, np.random.default_rng((3, poses))
@@ -123,14 +123,14 @@ def test_std_is_what_the_estimates_scatter_by(poses: int) -> None:
     assert np.mean(z_com) == pytest.approx(1.0, abs=0.3 if poses > 1 else 0.4)
     if poses > 1:
         assert np.mean(np.square(z_flange)) == pytest.approx(1.0, abs=0.3)
-    assert alarms <= 4
+    assert alarms <= 3
 
 
 @pytest.mark.parametrize("seen", [True, False])
 def test_orientations_that_are_a_bit_off_turn_the_object_too(seen: bool) -> None:
     """Whether the tool was heavy enough to show it while calibrating, or not; an object that moved is doubted still."""
     doubted, z_mass, z_com, moved = 0, [], [], 0
-    for seed in range(12):
+    for seed in range(6):
         rig, R, rng = example(seed, poses=16)
         rig = replace(rig, weight=20.0 if seen else 6.0)
 
@@ -140,7 +140,7 @@ def test_orientations_that_are_a_bit_off_turn_the_object_too(seen: bool) -> None
             return off
 
         noise = 0.3 * NOISE
-        calibration = cw.calibrate(cw.Samples(readings(rig, turned(R)) + noise * rng.normal(size=(16, 6)), R))
+        calibration = cw.calibrate(cw.Samples(readings(rig, turned(R)) + noise * rng.normal(size=(16, 6)), R), "mount")
         assert (calibration.orientation_std is not None) == seen
         at = random_rotations(6, rng)
         wrench = _holding(rig, 3.0, COM, turned(at)) + noise * rng.normal(size=(6, 6))
@@ -156,7 +156,7 @@ def test_orientations_that_are_a_bit_off_turn_the_object_too(seen: bool) -> None
     assert doubted <= 1
     assert np.sqrt(np.mean(np.square(z_mass))) < 1.6
     assert np.sqrt(np.mean(np.square(z_com))) < 1.6
-    assert moved >= 11
+    assert moved >= 5
 
 
 def test_std_counts_what_the_poses_share() -> None:

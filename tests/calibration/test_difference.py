@@ -155,17 +155,17 @@ def test_nothing_changed(model: str) -> None:
 
 @pytest.mark.slow
 def test_false_alarms_of_any_group_are_rare() -> None:
-    pairs = pairwise(_calibrated(RIG, seed) for seed in range(76))
+    pairs = pairwise(_calibrated(RIG, seed) for seed in range(40))
     alarms = sum(any(group.significant for group in before.diff(after).groups) for before, after in pairs)
-    assert alarms <= 2  # 1 % and less than two standard deviations
+    assert alarms <= 1  # 1 % and less than two standard deviations
 
 
 @pytest.mark.slow
 def test_probabilities_are_those_of_chance() -> None:
     """With the noise given up to its scale, each group's probability is uniform."""
-    pairs = pairwise(_calibrated(RIG, seed, "mount+base", noise=tuple(NOISE)) for seed in range(41))
+    pairs = pairwise(_calibrated(RIG, seed, "mount+base", noise=tuple(NOISE)) for seed in range(21))
     found = [[group.test.probability for group in before.diff(after).groups] for before, after in pairs]
-    assert np.mean(found, axis=0) == pytest.approx(np.full(5, 0.5), abs=0.15)  # three standard deviations and more
+    assert np.mean(found, axis=0) == pytest.approx(np.full(5, 0.5), abs=0.21)  # three of its std
 
 
 def test_what_comes_from_one_calibration_is_no_evidence() -> None:
@@ -262,7 +262,7 @@ def test_what_changed_and_nothing_else(rig: Rig, model: str, changes: dict[str, 
 
 @pytest.mark.slow
 def test_a_tool_change_is_not_read_as_drift_nor_drift_as_a_tool() -> None:
-    for seed in range(12):
+    for seed in range(6):
         tool = {g.name for g in _measured(RIG, seed, weight=14.0).groups if g.significant}
         drift = {g.name for g in _measured(RIG, seed, bias=DRIFTED).groups if g.significant}
         assert tool == {"tool", "all"}

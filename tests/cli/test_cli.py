@@ -53,7 +53,7 @@ def test_calibrate_keeps_how_the_file_was_read(tmp_path: Path, capsys: Capture) 
 @pytest.mark.slow
 @pytest.mark.parametrize("flags", [["--json"], ["-o", "-"], ["--json", "-o", "-"]])
 def test_the_saved_form_and_nothing_else_goes_to_stdout(tmp_path: Path, capsys: Capture, flags: list[str]) -> None:
-    done = run(capsys, "calibrate", PANDA, *flags)
+    done = run(capsys, "calibrate", PANDA, *flags, *MOUNT)
     assert (done.status, done.err) == (0, "")
     assert to_json(cw.Calibration.load(written(tmp_path, done.out, "tool.json"))) == done.out
 
@@ -64,7 +64,7 @@ def test_json_beside_a_file_prints_what_the_file_holds(tmp_path: Path, capsys: C
     assert done.out == (tmp_path / "tool.json").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_calibrate_writes_a_report(tmp_path: Path, capsys: Capture) -> None:
     done = run(capsys, "calibrate", PANDA, "--report", tmp_path / "report.html", *MOUNT)
     assert done.status == 0

@@ -85,8 +85,7 @@ def _is_closed(port: int) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("number", "status", "said"),
-    [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated"), ("SIGHUP", 129, "its terminal is gone")],
+    ("number", "status", "said"), [("SIGINT", 130, "interrupted"), ("SIGHUP", 129, "its terminal is gone")]
 )
 def test_a_live_session_beside_it_ends_with_it(number: str, status: int, said: str) -> None:
     pytest.importorskip("uvicorn")

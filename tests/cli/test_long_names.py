@@ -60,7 +60,7 @@ def test_of_a_table(tmp_path: Path, capsys: Capture, header: str) -> None:
 
 def _recordings() -> Iterator[tuple[Array, Array]]:
     """Orientations (n, 3, 3) and readings (n, 6) that are reversed, inverse, next to nothing, or of few poses."""
-    for weight, poses in product((0.3, 20.0), (3, 9)):
+    for weight, poses in ((0.3, 9), (20.0, 3)):
         rig, R, rng = example(1, poses=poses)
         wrench = noisy_readings(replace(rig, weight=weight), R, NOISE, rng)
         yield R, -wrench

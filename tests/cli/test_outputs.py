@@ -413,6 +413,7 @@ def test_a_name_with_a_slash_at_its_end_is_no_file(tmp_path: Path, capsys: Captu
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn")
 def test_a_folder_s_name_may_end_with_a_slash(tmp_path: Path, capsys: Capture) -> None:
     file = written(tmp_path, "1", "file")
     assert run(capsys, "demo", "--out", f"{file}//demo/").status != 0  # no folder in a file

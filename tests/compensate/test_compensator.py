@@ -100,7 +100,7 @@ def _eventful(seed: int, n: int = 700) -> tuple[cw.Calibration, Array, Array, Ar
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=6)
+@settings(deadline=None, max_examples=4)
 @given(seed=seeds, cuts=st.lists(st.integers(0, 700), max_size=4), given_rate=st.booleans())
 def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bool) -> None:
     calibration, wrench, quat_xyzw, t, heat = _eventful(seed)
@@ -123,8 +123,7 @@ def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bo
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("model", ["mount", "affine"])
+@pytest.mark.parametrize(("seed", "model"), [(0, "mount"), (1, "affine"), (2, "mount")])
 def test_compiled_is_plain_to_the_last_bit(seed: int, model: str) -> None:
     """Batches of quaternions and matrices, with and without drift and filters, and samples one by one; a batch is the
     calls.
@@ -347,7 +346,7 @@ def test_one_number_stands_for_forces_and_for_torques_at_a_lever_of_5_cm() -> No
 def test_std_is_honest_after_turns(drift: Array | None) -> None:
     """Mean readings of random tools, with a Compensator that has seen other orientations before, in stated stds."""
     z = []
-    for seed in range(20):
+    for seed in range(10):
         calibration, rig, rng = calibrated(seed)
         compensator = _plain(calibration, drift=drift)
         for k in range(4):
@@ -420,7 +419,7 @@ def test_shapes_are_refused() -> None:
 
 def test_memory_does_not_grow() -> None:
     calibration, rig, rng = calibrated(2)
-    rate = 250  # the buffers hold seconds
+    rate = 170  # the buffers hold seconds; the filters need 160 Hz and more
     R = swinging(rng, rate)
     wrench = free(rig, R, rng)
     compensator = cw.Compensator(calibration, **(EVERYTHING | {"fast": False, "rate": float(rate)}))

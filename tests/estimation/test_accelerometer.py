@@ -118,10 +118,9 @@ def test_exchanged_axes_are_said_and_change_nothing(axes: list[int]) -> None:
     assert found.inertia == pytest.approx(calibrated_by_accelerometer().inertia, abs=1e-9)
 
 
-@pytest.mark.parametrize("late", [0.010, 0.030])
-def test_poses_that_are_ahead_of_the_wrench_are_found_to_be(late: float) -> None:
+def test_poses_that_are_ahead_of_the_wrench_are_found_to_be() -> None:
     """No position tells their delay: what turns does, once gravity and acceleration are both the accelerometer's."""
-    samples = with_readings(Mounted())
+    samples, late = with_readings(Mounted()), 0.030
     rows = round(late * pushed().settings.recording.rate)
     place = np.minimum(np.arange(len(samples)) + rows, len(samples) - 1)
     found = cw.calibrate(replace(samples, R_base_flange=samples.R_base_flange[place]), "dynamic")
@@ -313,7 +312,7 @@ def _behind(order: int, corner: float) -> Callable[[AccelerometerStream], Array]
     return filtered
 
 
-@pytest.mark.parametrize(("order", "corner"), [(1, 8.0), (1, 15.0), (1, 30.0), (2, 15.0), (2, 30.0)])
+@pytest.mark.parametrize(("order", "corner"), [(1, 8.0), (1, 30.0), (2, 15.0)])
 def test_its_own_slow_filter_is_told_from_inertia(order: int, corner: float) -> None:
     """What it delays and weakens shows beside the wrench, which feels the same; one of second order delays alone."""
     found = _read(_behind(order, corner))
@@ -353,10 +352,9 @@ def test_what_is_not_known_of_how_it_sits_is_its_scatter(noise: float) -> None:
     assert np.sqrt(np.mean(np.var(off, axis=0))) == pytest.approx(1.0, abs=0.3)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_its_noise_is_in_what_the_motion_tells(seed: int) -> None:
+def test_its_noise_is_in_what_the_motion_tells() -> None:
     """In all six axes at once; and it is no motion, up to whose frequencies readings are used."""
-    stream = accelerometer(pushed(), Mounted(noise=0.2), seed)
+    stream = accelerometer(pushed(), Mounted(noise=0.2))
     found = calibrated_with(with_accelerometer(without_positions(), stream))
     assert np.abs(_off(found)).max() < OFTEN
     assert found.verdict == "good"

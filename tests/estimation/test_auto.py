@@ -36,9 +36,10 @@ def _off(calibration: cw.Calibration, rig: Rig) -> Array:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("flipped", [False, True])
+@pytest.mark.parametrize(
+    ("weight", "flipped"), [(2.0, False), (50.0, True)], ids=["light", "heavy, sensor against the flange"]
+)
 @pytest.mark.parametrize(("mount_deg", "base_deg"), [(0.0, 0.0), (2.0, 0.0), (0.0, 1.0), (2.0, 1.0)])
-@pytest.mark.parametrize("weight", [2.0, 50.0])
 def test_near_nominal_it_is_about_as_good_as_the_best_rung(
     weight: float, mount_deg: float, base_deg: float, flipped: bool
 ) -> None:
@@ -58,7 +59,7 @@ def test_near_nominal_it_is_about_as_good_as_the_best_rung(
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=8)
+@settings(deadline=None, max_examples=4)
 @given(seed=seeds)
 def test_any_mounting_and_any_base_up_to_a_wall_are_found(seed: int) -> None:
     rig, R, rng = example(seed, poses=12)
@@ -71,7 +72,7 @@ def test_any_mounting_and_any_base_up_to_a_wall_are_found(seed: int) -> None:
 
 @pytest.mark.slow
 def test_a_wall_is_found_though_gravity_lies_right_at_the_limit() -> None:
-    for seed in range(20):
+    for seed in range(8):
         rig, R, rng = example(seed, poses=12)
         wall = replace(rig, weight=10.0, down=tilted_down(np.pi / 2.0, rng))
         calibration = cw.calibrate(noisy(wall, R, rng), "mount+base")
@@ -110,7 +111,7 @@ def test_the_std_counts_tilts_within_their_priors() -> None:
     """Six poses near the vertical cannot tell a tilt: the prior does, and a wider one leaves a larger std, though never
     that of whoever knows nothing of it.
     """
-    for seed in range(15, 18):
+    for seed in range(15, 17):
         rig, _, rng = example(seed)
         samples = noisy(_tilted(replace(rig, weight=2.0), 0.0, 0.0, rng), POSE_SETS["paper's 6"], rng)
         narrow, usual, wide = (
@@ -146,7 +147,7 @@ def test_errors_are_those_that_the_std_states() -> None:
 @pytest.mark.slow
 def test_the_std_does_not_depend_on_how_the_base_is_turned() -> None:
     """Base axes turned about the vertical are other names for the same: the std of every contact wrench stays."""
-    for seed in range(6):
+    for seed in range(3):
         rig, _, rng = example(seed)
         rig = _tilted(replace(rig, weight=6.0), 0.5, 0.5, rng)
         samples = noisy(rig, POSE_SETS["paper's 6"], rng)

@@ -15,15 +15,14 @@ from tests.support.world import Array, Rig, derivatives, noisy_readings
 OF_BIAS = (Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED)
 
 
-def _covariances(time: Array) -> dict[tuple[Kind | None, int | None], Array]:
-    """Of each motion, covariance (n, n) at unit strength; where a kind has several, the last."""
-    drifts, _ = possible_drifts(time, len(time))
-    return {(drift.kind, drift.first_after): drift.columns @ drift.columns.T for drift in drifts}
+def _drifts(time: Array) -> list[Drift]:
+    return possible_drifts(time, len(time))[0]
 
 
 def test_every_motion_ends_in_the_last_bias_and_begins_one_strength_off_it() -> None:
     time = np.cumsum(np.random.default_rng(1).uniform(1.0, 9.0, 12))
-    for covariance in _covariances(time).values():
+    for drift in _drifts(time):
+        covariance = drift.columns @ drift.columns.T
         assert np.abs(covariance[-1]).max() < 1e-12
         assert covariance[0, 0] == pytest.approx(1.0)
 
@@ -33,7 +32,7 @@ def test_a_walk_has_the_covariance_of_brownian_motion_run_backwards() -> None:
     for n in (12, 450):
         time = np.cumsum(np.random.default_rng(n).uniform(1.0, 9.0, n))
         left = (time[-1] - time) / (time[-1] - time[0])
-        walk = _covariances(time)[Kind.BIAS_WANDERED, None]
+        (walk,) = (drift.columns @ drift.columns.T for drift in _drifts(time) if drift.kind is Kind.BIAS_WANDERED)
         assert walk == pytest.approx(np.minimum.outer(left, left), abs=0.01)
 
 
@@ -80,7 +79,7 @@ def test_a_step_before_any_pose_leaves_the_last_bias_within_its_std(before: int)
 @pytest.mark.parametrize("last", [1, 2])
 def test_a_step_before_the_last_poses_is_in_the_std_of_the_bias_and_never_good(last: int, poses: int) -> None:
     """Whether the bias stepped or those poses are in contact nobody can know: both are in the mean, and it is said."""
-    for seed in range(6):
+    for seed in range(3):
         rig, R, rng = example(seed, poses=poses)
         wrench = noisy_readings(rig, R, NOISE, rng)
         wrench[:-last] += np.array([0.5, -0.5, 0.7, 0.0, 0.01, 0.0])
@@ -94,11 +93,11 @@ def test_a_step_before_the_last_poses_is_in_the_std_of_the_bias_and_never_good(l
 @pytest.mark.slow
 def test_a_bias_that_stays_is_hardly_ever_said_to_move() -> None:
     moved = 0
-    for seed in range(20):
+    for seed in range(10):
         rig, R, rng = example(500 + seed, poses=12)
         samples = cw.Samples(noisy_readings(rig, R, NOISE, rng), R, t=10.0 * np.arange(12.0))
         moved += any(finding.kind in OF_BIAS for finding in cw.calibrate(samples, "mount").findings)
-    assert moved <= 1
+    assert moved == 0
 
 
 def _only(columns: Array, strength: float) -> Kernels:

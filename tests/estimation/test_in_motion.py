@@ -101,7 +101,7 @@ def test_a_stated_offset_is_taken_and_leaves_the_verdict_good() -> None:
 
 
 def test_a_stated_offset_that_the_motion_contradicts_is_said() -> None:
-    found = cw.calibrate(pushed().samples(), "dynamic", sensor_offset=[0.0, 0.02, 0.05])
+    found = with_motion(at_stops(), pushed().samples(), [0.0, 0.02, 0.05])
     (said,) = _of_kind(found, Kind.CONTRADICTS_PRIOR)
     assert said.severity is Severity.DOUBTFUL
     assert said.text == (
@@ -257,7 +257,7 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] =
         f"{ALL}: move the arm, or take model auto",
     ),
     "no positions": (
-        lambda: cw.calibrate(replace(pushed().samples(), position=None), "dynamic"),
+        lambda: with_motion(at_stops(), replace(pushed().samples(), position=None), None),
         InputError,
         "virtual rig: found no positions, expected t and all of the flange's x, y, z in each row, from which its "
         "acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia",
@@ -269,7 +269,7 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] =
         "acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia",
     ),
     "positions in mm": (
-        lambda: cw.calibrate(_scaled(1000.0), "dynamic"),
+        lambda: with_motion(at_stops(), _scaled(1000.0), None),
         InputError,
         "virtual rig: found the flange accelerating at 1.95e+03 m/s^2 RMS, expected positions in m: are they in mm? "
         "name the columns x_mm, y_mm, z_mm, or state the unit",
@@ -341,7 +341,7 @@ def test_an_inertia_of_no_body_is_mended_and_said() -> None:
     assert found.inertia is not None
     assert can_exist(found.inertia)
     assert not _of_kind(calibrated(), Kind.IMPLAUSIBLE_TOOL)
-    (noted,) = _of_kind(cw.calibrate(_scaled(0.6), "dynamic"), Kind.IMPLAUSIBLE_TOOL)
+    (noted,) = _of_kind(with_motion(at_stops(), _scaled(0.6), None), Kind.IMPLAUSIBLE_TOOL)
     assert noted.severity is Severity.NOTE
     assert noted.text == (
         "no body has the inertia that the readings alone give, the nearest that one can have was taken, within its "

@@ -119,26 +119,26 @@ def _off(calibration: cw.Calibration, rig: Rig) -> float:
 def test_four_of_24_in_contact_that_mask_each_other_are_left_out(alike: bool) -> None:
     """Single deletions miss them in one of some hundred data sets. Four that are off by the same may be backlash."""
     sure = 0
-    for seed in range(3000, 3010):
+    for seed in range(3000, 3005):
         rig, bad, calibration = _with_contacts(seed, 4, alike)
         assert bad <= set(_left_out(calibration)), seed
         assert len(_left_out(calibration)) <= 5, seed
         assert _off(calibration, rig) < calibration.expected_error[0], seed
         sure += _off(calibration, rig) < 0.1
-    assert sure >= (9 if alike else 10)
+    assert sure == 5
 
 
 @pytest.mark.slow
 def test_a_third_of_the_poses_in_contact_is_what_the_search_bears() -> None:
     """Eight of 24, each in its own way: left out, and so many are said to be doubtful; no error beyond what is said."""
     all_found = 0
-    for seed in [4006, *range(5000, 5012)]:
+    for seed in [4006, *range(5000, 5005)]:
         rig, bad, calibration = _with_contacts(seed, 8, False)
         assert _off(calibration, rig) < calibration.expected_error[0], seed
         if set(_left_out(calibration)) == bad:
             all_found += 1
             assert "doubtful: 8 of 24 poses were left out: record more, free of contact" in calibration.warnings
-    assert all_found >= 12
+    assert all_found >= 5
 
 
 def test_a_pose_that_may_be_in_contact_is_in_doubt_and_counts_both_ways() -> None:
@@ -146,7 +146,7 @@ def test_a_pose_that_may_be_in_contact_is_in_doubt_and_counts_both_ways() -> Non
     rig, R, rng = example(6)
     wrench = noisy_readings(rig, R, NOISE, rng)
     found = []
-    for size in np.arange(3.0, 12.0, 0.5):
+    for size in np.arange(3.0, 12.0, 1.0):
         offset = np.zeros((24, 6))
         offset[5, 0] = size * NOISE[0]
         calibration = cw.calibrate(cw.Samples(wrench + offset, R), "mount")

@@ -46,8 +46,9 @@ def _off(calibration: cw.Calibration, rig: Rig) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", RIGID)
-@pytest.mark.parametrize("size", [8.0, 40.0, 1000.0])
+@pytest.mark.parametrize(
+    ("model", "size"), [*((model, size) for model in RIGID for size in (8.0, 1000.0)), ("auto", 40.0), ("mount", 40.0)]
+)
 def test_poses_in_contact_are_left_out(model: str, size: float) -> None:
     """Offsets of `size` standard deviations, in a random direction of the whitened reading each."""
     rig, R, rng = _rig(1)
@@ -93,17 +94,17 @@ def test_the_same_offset_in_every_axis_alone_is_found() -> None:
 @pytest.mark.parametrize("poses", [6, 12, 24])
 def test_clean_recordings_lose_hardly_a_pose_and_no_bias_moves(poses: int) -> None:
     lost = moved = 0
-    for seed in range(15):
+    for seed in range(8):
         rig, _, rng = _rig(seed)
         R = random_rotations(poses, rng)
         calibration = cw.calibrate(noisy(rig, R, rng), "mount")
         lost += bool(_left_out(calibration))
         moved += bool(_of_bias(calibration))
-    assert lost <= 2
+    assert lost <= 1
     assert moved == 0
 
 
-@pytest.mark.parametrize("seed", range(4, 10))
+@pytest.mark.parametrize("seed", range(4, 8))
 def test_where_half_of_the_poses_are_bad_no_answer_is_sure(seed: int) -> None:
     """No more than two of five are anybody's outliers: the rest is refused, or weak and wide enough."""
     rig, R, rng = _rig(seed)
@@ -205,7 +206,7 @@ def test_the_same_push_in_four_poses() -> None:
         wrench = noisy_readings(rig, R, NOISE, rng)
         push = rng.normal(size=6)
         wrench[BAD] += size * NOISE * push / np.linalg.norm(push)
-        assert set(BAD) <= set(_left_out(cw.calibrate(cw.Samples(wrench, R)))), (seed, size)
+        assert set(BAD) <= set(_left_out(cw.calibrate(cw.Samples(wrench, R), "mount"))), (seed, size)
 
 
 @pytest.mark.slow
@@ -225,11 +226,11 @@ def test_visits_to_the_same_pose_tell_a_drift() -> None:
     again = np.concatenate([R[:12], R[:12]])
     wrench = noisy_readings(rig, again, NOISE, rng)
     wrench[:12] += np.array([1.0, 0.0, -1.0, 0.03, 0.0, 0.0])
-    calibration = cw.calibrate(cw.Samples(wrench, again))
+    calibration = cw.calibrate(cw.Samples(wrench, again), "mount")
     (finding,) = _of_bias(calibration)
     assert finding.text.startswith("the bias stepped before pose 13 by up to 1 N and ")
     assert len(calibration.poses) == 24
-    assert len(cw.calibrate(cw.Samples(noisy_readings(rig, again, NOISE, rng), again)).poses) == 12
+    assert len(cw.calibrate(cw.Samples(noisy_readings(rig, again, NOISE, rng), again), "mount").poses) == 12
 
 
 @pytest.mark.slow
@@ -239,8 +240,8 @@ def test_order_in_the_file_does_not_matter_where_time_is_known() -> None:
     wrench = noisy_readings(rig, R, NOISE, rng)
     wrench[:9] += np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.05])
     shuffled = rng.permutation(24)
-    straight = cw.calibrate(cw.Samples(wrench, R, t=t))
-    mixed = cw.calibrate(cw.Samples(wrench[shuffled], R[shuffled], t=t[shuffled]))
+    straight = cw.calibrate(cw.Samples(wrench, R, t=t), "mount")
+    mixed = cw.calibrate(cw.Samples(wrench[shuffled], R[shuffled], t=t[shuffled]), "mount")
     assert mixed.parameters == pytest.approx(straight.parameters, abs=1e-9)
     assert _of_bias(mixed) == _of_bias(straight)
 
@@ -290,7 +291,7 @@ def test_a_heavy_tool_on_a_quiet_sensor_shows_no_gain() -> None:
 
 def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_backlash() -> None:
     """0.6 N of 20: taken for a contact, in doubt, and the std tells of the 0.3 N by which the bias would be off."""
-    for seed in range(6):
+    for seed in range(3):
         rig, _, rng = _rig(seed)
         rig, R = replace(rig, weight=20.0), SIX_SPREAD
         wrench = noisy_readings(rig, R, NOISE, rng)
@@ -306,7 +307,7 @@ def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_bac
         assert np.linalg.norm(calibration.bias[:3] - between) < 2.2 * np.linalg.norm(calibration.std["bias"][:3])
 
 
-@pytest.mark.parametrize("seed", [64, 1, 2, 3, 4, 5])
+@pytest.mark.parametrize("seed", [64, 1, 2])
 def test_one_of_six_poses_in_contact_is_found_though_it_bends_the_fit(seed: int) -> None:
     """100 std: with the noise that it makes itself, it is not far off the other five."""
     rng = np.random.default_rng(seed)
@@ -322,12 +323,12 @@ def _with_some_alike(seed: int, first: int, count: int) -> tuple[Rig, cw.Calibra
     rig, R, rng = _rig(seed)
     wrench = noisy_readings(replace(rig, weight=20.0), R, NOISE, rng)
     wrench[first : first + count] += APART
-    return rig, cw.calibrate(cw.Samples(wrench, R))
+    return rig, cw.calibrate(cw.Samples(wrench, R), "mount")
 
 
 def test_several_poses_left_out_alike_may_be_on_the_other_side_of_backlash_too() -> None:
     """7 of 24, all off by 0.6 N: they are left out, in doubt, and the std reaches what backlash would make of it."""
-    for seed in range(4):
+    for seed in range(2):
         rig, calibration = _with_some_alike(seed, 3, 7)
         assert [pose.rejected is not None for pose in calibration.poses] == [3 <= k < 10 for k in range(24)]
         assert calibration.verdict.startswith("doubtful")
@@ -347,7 +348,7 @@ def test_two_levels_in_five_poses_without_times_leave_the_weight(seed: int) -> N
 
 def test_two_of_many_poses_left_out_alike_are_in_contact() -> None:
     """2 of 24: no backlash leaves that few on its other side, and the std tells of none."""
-    for seed in range(4):
+    for seed in range(2):
         _, calibration = _with_some_alike(seed, 3, 2)
         assert np.linalg.norm(calibration.std["bias"][:3]) < 0.05 * np.linalg.norm(APART)
 
@@ -378,14 +379,14 @@ def test_one_axis_far_noisier_or_quieter_brings_no_false_motion_or_pull(factor: 
 def test_what_a_robot_is_off_in_all_poses_alike_is_in_the_std() -> None:
     """0.3 deg that go on from pose to pose: no reading tells them from a turned mounting."""
     squared = []
-    for seed in range(12):
+    for seed in range(5):
         rig, R, rng = _rig(seed)
         rig = replace(rig, weight=20.0)
         turns = np.deg2rad(0.3) * rng.normal(size=(24, 3))
         for k in range(1, 24):
             turns[k] = 0.85 * turns[k - 1] + np.sqrt(1.0 - 0.85**2) * turns[k]
         wrench = noisy_readings(rig, R @ Rotation.from_rotvec(turns).as_matrix(), NOISE, rng)
-        calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S))
+        calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S), "mount")
         off = (calibration.predict(R) - readings(rig, R))[:, :3]
         squared.append(np.sum(off**2) / np.sum(calibration.wrench_std(R)[:, :3] ** 2))
     assert np.median(squared) < 1.5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ def mounting_error(calibration: cw.Calibration, rig: Rig) -> Array:
 
 
 @pytest.mark.slow
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seeds)
 def test_nearly_perfect_readings_give_every_tool_and_the_base_it_stands_on(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -71,7 +72,7 @@ def test_nearly_perfect_readings_give_every_tool_and_the_base_it_stands_on(seed:
 
 
 @pytest.mark.slow
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=1, deadline=None)
 @given(seeds)
 def test_what_is_shared_is_the_very_same_in_all_and_the_rest_is_not(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -97,7 +98,7 @@ def test_a_light_tool_reaches_the_joint_bound_and_says_so() -> None:
     light = rigs[1]
     apart = joint_bound((light,), "mount", poses[1:])[10:, 10:]
     of_mounting, of_tool, of_both, stated = [], [], [], []
-    for _ in range(20):
+    for _ in range(10):
         samples = [recorded(rig, R, rng, "a") for rig, R in zip(rigs, poses, strict=True)]
         found = calibrate_shared(samples, ("mount",), "mount", noise=NOISE)[1]
         assert found.com is not None
@@ -109,10 +110,10 @@ def test_a_light_tool_reaches_the_joint_bound_and_says_so() -> None:
         both = np.r_[own, error]
         of_both.append(both @ np.linalg.solve(found.covariance, both) / 13.0)
         stated.append(found.std["mount"] / np.sqrt(np.diag(bound)[20:]))
-    assert np.sqrt(np.mean(of_mounting)) == pytest.approx(1.0, abs=0.1)
-    assert np.sqrt(np.mean(of_tool)) == pytest.approx(1.0, abs=0.1)
+    assert np.sqrt(np.mean(of_mounting)) == pytest.approx(1.0, abs=0.14)  # as of 20 recordings within 0.1
+    assert np.sqrt(np.mean(of_tool)) == pytest.approx(1.0, abs=0.14)
     assert np.mean(stated) == pytest.approx(1.0, abs=0.05)
-    assert np.mean(of_both) == pytest.approx(1.0, abs=0.2)
+    assert np.mean(of_both) == pytest.approx(1.0, abs=0.28)
     assert np.sqrt(np.trace(apart) / np.trace(bound[20:, 20:])) > 5.0
 
 
@@ -160,6 +161,12 @@ def test_a_prior_is_counted_once() -> None:
     assert together[0].std["gravity"] == pytest.approx(in_one.std["gravity"], rel=0.25)
 
 
+@cache
+def agreeing() -> tuple[cw.Calibration, ...]:
+    """Of three recordings on one mounting and one base."""
+    return calibrate_shared(contradicting(0.0), BOTH)
+
+
 def contradicting(angle: float, seed: int = 5) -> list[cw.Samples]:
     rng = np.random.default_rng(seed)
     heavy, light = two_tools(rng)
@@ -185,8 +192,8 @@ def test_a_mounting_that_differs_is_named_with_its_angle(count: int) -> None:
 
 @pytest.mark.slow
 def test_one_mounting_contradicts_nothing() -> None:
-    for model, shared in (("mount", ("mount",)), ("auto", BOTH)):
-        for calibration in calibrate_shared(contradicting(0.0), shared, model):
+    for calibrations in (calibrate_shared(contradicting(0.0), ("mount",), "mount"), agreeing()):
+        for calibration in calibrations:
             assert not [line for line in calibration.warnings if "contradicts" in line]
 
 
@@ -199,7 +206,7 @@ def test_a_reversed_recording_is_refused_by_its_name() -> None:
 
 @pytest.mark.slow
 def test_where_it_comes_from_is_said_and_saved(tmp_path: Path) -> None:
-    first, *_ = calibrate_shared(contradicting(0.0), BOTH)
+    first, *_ = agreeing()
     assert first.provenance["shared"] == "mount, gravity"
     assert first.provenance["shared_with"] == "light.csv, again.csv"
     first.save(tmp_path / "first.json")

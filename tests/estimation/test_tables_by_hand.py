@@ -38,10 +38,10 @@ def _errors(calibration: cw.Calibration, rig: Rig) -> Array:
 @pytest.mark.parametrize("steps", [(1.0, 0.1), (0.25, 0.02), (0.1, 0.01)])
 def test_what_is_written_to_a_few_digits_is_believed_to_half_a_step(steps: tuple[float, float]) -> None:
     """Six poses along the axes: readings that are equal are off alike, and four of a kind are no surer than one."""
-    for seed in range(12):
+    for seed in range(5):
         rng = np.random.default_rng(seed)
         rig = usual_rig(rng)
-        calibration = cw.calibrate(_written(rig, ALONG_THE_AXES, steps, rng))
+        calibration = cw.calibrate(_written(rig, ALONG_THE_AXES, steps, rng), "mount")
         assert np.abs(_errors(calibration, rig)).max() < 5.0
         assert calibration.expected_error[0] > 0.4 * steps[0]
 
@@ -84,7 +84,7 @@ def test_a_dead_axis_that_a_cone_takes_for_a_noisy_one_is_named(axis: int) -> No
 
 
 def test_an_axis_of_half_gain_is_never_good_and_whole_ones_are_never_named() -> None:
-    for seed in range(10):
+    for seed in range(5):
         rng = np.random.default_rng(seed)
         rig, R = usual_rig(rng, 20.0), in_a_cone(12, rng)
         wrench = noisy_readings(rig, R, NOISE, rng)
@@ -101,7 +101,7 @@ def _creeping(rig: Rig, R: Array, share: float, rng: np.random.Generator) -> Arr
 
 @pytest.mark.parametrize("timed", [True, False])
 def test_what_a_reading_keeps_of_the_pose_before_is_found_by_the_order_and_makes_no_tool_lighter(timed: bool) -> None:
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(seed)
         rig, R = replace(usual_rig(rng), weight=20.0), random_rotations(24, rng)
         t = 15.0 * np.arange(24.0) if timed else None
@@ -119,7 +119,7 @@ def test_what_a_reading_keeps_of_the_pose_before_is_found_by_the_order_and_makes
 
 
 def test_without_creep_or_in_another_order_none_is_found() -> None:
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(100 + seed)
         rig, R = usual_rig(rng), random_rotations(24, rng)
         steady, creeping = _creeping(rig, R, 0.0, rng), _creeping(rig, R, 0.03, rng)

@@ -45,23 +45,23 @@ MOST_SECONDS_OF_HOSTILE = 10.0
 VERBS = {
     "recording": {
         "info": "info {file} --json",
-        "calibrate": "calibrate {file} -o {out}/tool.json",
+        "calibrate": "calibrate {file} --model mount -o {out}/tool.json",
         "compensate": "compensate {file} -c {tool} -o {out}/contact.csv",
     },
     "bag": {
         "info": "info {file} --json",
-        "calibrate": "calibrate {file} -o {out}/tool.json",
+        "calibrate": "calibrate {file} --model mount -o {out}/tool.json",
         "compensate": "compensate {file} -c {tool} -o {out}/contact.csv",
         "what is left": "compensate {file} -c {tool} -o {out}/left.csv --accept-damaged",
     },
     "JSON": {"show": "show {file}", "compensate": "compensate {run} -c {file} -o {out}/contact.csv"},
     "URDF": {
         "plan": "plan --robot {file} -o {out}/plan.csv",
-        "calibrate": "calibrate {joints} --robot {file} -o {out}/tool.json",
+        "calibrate": "calibrate {joints} --robot {file} --model mount -o {out}/tool.json",
         "compensate": "compensate {joints} --robot {file} -c {of_joints} -o {out}/contact.csv",
     },
 }
-"""What is run on an input of a kind."""
+"""What is run on an input of a kind; of models the one that is quick, as it is the reading that is tried."""
 
 LIBRARIES = ("mcap.reader", "pyarrow.compute", "pyarrow.parquet", "rosbags.rosbag2", "scipy.spatial.transform")
 DAMAGE_SAID = " is damaged: found "

@@ -46,7 +46,6 @@ def calibration(at_poses: dict[int, Driver]) -> cw.Calibration:
 
 WORLDS = {
     "pull, upright": {},
-    "reaction, upright": {"sign": -1.0},
     "pull, from the ceiling": {"down": (0.0, 0.0, 1.0), "mounting": FLIPPED, "com": (0.01, -0.02, -0.06)},
     "reaction, from the ceiling, late": {"sign": -1.0, "down": (0.0, 0.0, 1.0), "delay": 0.04},
 }

@@ -41,11 +41,18 @@ def found(true: LiveWorld, stated: Stated, pushed_at: Rotation, frame: str = "se
     return fitted(tuple(poses), tuple(felt), stated, "test")
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
-    ("down", "stated"),
-    [(DOWN, DOWN), (UP, DOWN), (SIDE, DOWN), (SIDE, (-1.0, 0.0, 0.0)), (DOWN, SIDE)],
-    ids=["stands", "hangs, unstated", "on a wall, unstated", "the other wall stated", "stands, a wall stated"],
+    ("sign", "down", "stated"),
+    [
+        *((sign, down, DOWN) for sign in (1.0, -1.0) for down in (DOWN, UP)),
+        (1.0, SIDE, DOWN),
+        (-1.0, SIDE, (-1.0, 0.0, 0.0)),
+        (1.0, DOWN, SIDE),
+    ],
+    ids=[
+        *(f"{sign}, {side}" for sign in ("pull", "reaction") for side in ("stands", "hangs, unstated")),
+        *("pull, on a wall, unstated", "reaction, the other wall stated", "pull, stands, a wall stated"),
+    ],
 )
 def test_sign_and_side_are_found_whatever_gravity_was_stated(
     sign: float, down: tuple[float, float, float], stated: tuple[float, float, float]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from contactwrench.recording import compensate as compensation
+from contactwrench.recording import read as streaming
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from tests.support.live import RATE, calibrated, free, still, swinging, times
@@ -41,10 +44,13 @@ def test_a_folder_goes_to_stdout(tmp_path: Path, capsys: Capture, monkeypatch: p
 
 
 @pytest.mark.slow
-def test_a_delay_that_is_stated_counts_wherever_the_motion_begins(tmp_path: Path, capsys: Capture) -> None:
+def test_a_delay_that_is_stated_counts_wherever_the_motion_begins(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The arm stands still for longer than what is read at once."""
+    monkeypatch.setattr(compensation, "batches", partial(streaming.batches, rows=2000))
     _, rig, rng = calibrated(3)
-    rest, turn = 34_000, np.deg2rad(60.0) * np.arange(1000) / RATE
+    rest, turn = 3400, np.deg2rad(60.0) * np.arange(1000) / RATE
     about_y = Rotation.from_rotvec(np.outer(np.r_[np.zeros(rest), turn], [0, 1, 0]))
     way = Rotation.from_matrix(still(rng, 1)[0]) * about_y
     R = way.as_matrix()

@@ -92,19 +92,18 @@ def notes_of(folder: Path, seed: int, change: str, drift: bool = False) -> list[
 
 @pytest.mark.parametrize("change", ["another tool", "new zero"])
 def test_another_tool_and_a_new_zero_half_way_are_asked_about(change: str, tmp_path: Path) -> None:
-    for seed in range(4):
+    for seed in range(2):
         assert notes_of(tmp_path, seed, change) == [FROM_HALF]
 
 
 def test_a_drift_is_asked_about_and_followed_it_is_none(tmp_path: Path) -> None:
-    for seed in range(2):
-        (note,) = notes_of(tmp_path, seed, "drift")
-        assert note.startswith("in contact for 9")
-        assert note.endswith(f"s on to the end by a force as of a weight or a bias: {CAUSES}")
-        assert notes_of(tmp_path, seed, "drift", drift=True) == []
+    (note,) = notes_of(tmp_path, 0, "drift")
+    assert note.startswith("in contact for 9")
+    assert note.endswith(f"s on to the end by a force as of a weight or a bias: {CAUSES}")
+    assert notes_of(tmp_path, 0, "drift", drift=True) == []
 
 
-@pytest.mark.parametrize(("change", "seeds"), [("free", 4), ("60 %", 16), ("at the end", 8)])
+@pytest.mark.parametrize(("change", "seeds"), [("free", 2), ("60 %", 5), ("at the end", 3)])
 def test_hands_are_not(change: str, seeds: int, tmp_path: Path) -> None:
     for seed in range(seeds):
         assert notes_of(tmp_path, seed, change) == [], seed

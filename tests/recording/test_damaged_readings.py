@@ -81,7 +81,7 @@ def test_a_sensor_without_torques_is_calibrated_and_its_zeros_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], files: int
 ) -> None:
     rng = np.random.default_rng(4)
-    stops, t = np.repeat(rng.normal(size=(10, 3)), 2, axis=0), np.arange(0.0, 20.0, 0.001)
+    stops, t = np.repeat(rng.normal(size=(10, 3)), 2, axis=0), np.arange(0.0, 20.0, 0.0025)
     when = np.ravel([[2.0 * k, 2.0 * k + 1.5] for k in range(10)])
     R = Rotation.from_rotvec(np.column_stack([np.interp(t, when, each) for each in stops.T]))
     wrench = np.zeros((len(R), 6))

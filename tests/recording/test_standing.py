@@ -67,8 +67,7 @@ def judged(
     return valid, [row["contact"] for row in written_rows], [row["reason"] for row in written_rows], done.err
 
 
-@pytest.mark.parametrize("quantum", [0.001, 0.1])
-@pytest.mark.parametrize(("rate", "n"), [(RATE, N), (1000.0, 20_000)])
+@pytest.mark.parametrize(("quantum", "rate", "n"), [(0.1, RATE, N), (0.001, 1000.0, 20_000)])
 def test_a_clipped_channel_is_not_valid_from_its_first_row_on(
     tmp_path: Path, capsys: Capture, quantum: float, rate: float, n: int
 ) -> None:
@@ -86,9 +85,13 @@ def test_a_clipped_channel_is_not_valid_from_its_first_row_on(
     assert f"Note: readings stand at the sensor's limit and show less than there was: fz in {rows} rows" in said
 
 
-@pytest.mark.parametrize("held", [1, 2, 4, 8])
-@pytest.mark.parametrize("quantum", [0.001, 0.1])
-@pytest.mark.parametrize("noise", [0.4, 1.0])
+@pytest.mark.parametrize(
+    ("held", "quantum", "noise"),  # any two of them in every combination
+    [
+        *((held, quantum, noise) for held in (1, 4) for quantum, noise in ((0.001, 0.4), (0.1, 1.0))),
+        *((held, quantum, noise) for held in (2, 8) for quantum, noise in ((0.001, 1.0), (0.1, 0.4))),
+    ],
+)
 def test_coarse_quiet_and_held_readings_stand_at_no_limit(
     tmp_path: Path, capsys: Capture, held: int, quantum: float, noise: float
 ) -> None:
@@ -119,7 +122,7 @@ def test_a_quiet_coarse_sensor_at_rest_may_stand_at_its_least_value(tmp_path: Pa
 def test_a_channel_that_is_not_measured_and_a_short_repeat_at_a_maximum_are_honest(
     tmp_path: Path, capsys: Capture
 ) -> None:
-    wrench, R = pushed(n=12_000)
+    wrench, R = pushed(n=6_000)
     wrench[:, 5] = 0.0
     peak = int(np.argmax(wrench[:, 2]))
     wrench[peak : peak + 15, 2] = wrench[peak, 2]
@@ -128,7 +131,7 @@ def test_a_channel_that_is_not_measured_and_a_short_repeat_at_a_maximum_are_hone
     assert valid.all(), set(reasons)
 
 
-@pytest.mark.parametrize("rate", [100.0, 250.0, 500.0])
+@pytest.mark.parametrize("rate", [100.0, 500.0])
 def test_a_frozen_reading_is_not_valid_from_its_first_repeated_row_on(
     tmp_path: Path, capsys: Capture, rate: float
 ) -> None:

@@ -44,7 +44,7 @@ def _turned(streams: Streams, R: Array) -> Streams:
 
 
 @pytest.mark.slow
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 10_000), shift=st.floats(-0.15, 0.15))
 def test_the_estimate_follows_a_shift_of_one_stream(seed: int, shift: float) -> None:
     streams = gravity_alone(seed, duration=20.0)
@@ -54,7 +54,7 @@ def test_the_estimate_follows_a_shift_of_one_stream(seed: int, shift: float) -> 
 
 
 @pytest.mark.slow
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_any_tool_mounting_and_base(seed: int) -> None:
     found = estimate_delay(gravity_alone(seed, duration=20.0), within=0.2)
@@ -194,7 +194,7 @@ def test_gravity_that_stays_square_to_an_axis_of_the_flange_tells_it(seed: int) 
 @pytest.mark.parametrize("delay", [-0.97, 0.95])
 def test_pieces_between_gaps_that_are_hardly_longer_than_the_range_are_no_error(delay: float) -> None:
     streams = _shifted(gravity_alone(3, duration=200.0), delay - TRUE)
-    for piece in (2.15, 2.2, 2.25, 2.3, 2.35):
+    for piece in (2.15, 2.2, 2.3):
         found = estimate_delay(
             Streams(streams.wrench, streams.orientation.select(streams.orientation.t % (piece + 1.0) < piece))
         )

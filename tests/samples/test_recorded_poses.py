@@ -249,7 +249,7 @@ def test_rows_taken_on_the_way_are_not_called_good() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", measured_sets())
-@pytest.mark.parametrize("model", ["auto", "mount", "mount+base"])
+@pytest.mark.parametrize("model", ["auto", "mount"])
 def test_measured_poses_stay_good(name: str, model: str) -> None:
     found = cw.calibrate(measured_sets()[name], model)
     assert not [warning for warning in found.warnings if "what is left in one pose" in warning]
@@ -257,7 +257,7 @@ def test_measured_poses_stay_good(name: str, model: str) -> None:
 
 @pytest.mark.slow
 def test_independent_poses_are_never_taken_for_alike() -> None:
-    for seed in range(20):
+    for seed in range(0, 20, 3):
         rig, R, rng = example(seed, poses=12 + seed)
         wrench = readings(rig, R) + NOISE * rng.normal(size=(len(R), 6))
         found = cw.calibrate(cw.Samples(wrench, R), "mount")
@@ -270,8 +270,8 @@ def test_the_picture_of_a_long_recording_stays_small() -> None:
     s = made.samples
     assert s.t is not None
     long = cw.Samples(
-        np.tile(s.wrench, (6, 1)), np.tile(s.R_base_flange, (6, 1, 1)),
-        np.concatenate([s.t + 60.0 * k for k in range(6)]),
+        np.tile(s.wrench, (3, 1)), np.tile(s.R_base_flange, (3, 1, 1)),
+        np.concatenate([s.t + 60.0 * k for k in range(3)]),
     )  # fmt: skip
     calibration, still = calibrated(), still_segments(long)
     svg = signals_over_time(calibration, long, still)

@@ -35,23 +35,22 @@ def sweep(seed: int, deg_per_s: float = 5.0, lag: float = 0.1, rate: float = 100
     return cw.Samples(late + BIAS + std * rng.normal(size=late.shape), R, t)
 
 
-@pytest.mark.parametrize(("lag", "rate"), [(0.1, 100.0), (0.4, 100.0), (0.0, 20.0)])
-def test_a_slow_sweep_without_stops_is_calibrated(lag: float, rate: float) -> None:
-    off = []
-    for seed in (40, 43):
-        found = cw.calibrate(sweep(seed, lag=lag, rate=rate), "mount")
-        assert found.weight is not None
-        assert found.weight == pytest.approx(WEIGHT, rel=0.01)
-        off.append((found.weight - WEIGHT) / found.std["weight"])
-        (said,) = (finding for finding in found.findings if finding.kind is Kind.POSES_ON_THE_WAY)
-        assert said.severity is Severity.WARNING
-        count = len(found.poses)
-        assert said.text == (
-            f"{count} of {count} poses are parts of a slow motion, 0 still stretches were found: "
-            "a stop of two seconds at each orientation tells more"
-        )
-        assert count <= 120
-    assert np.abs(off).max() < 3.0
+@pytest.mark.parametrize(
+    ("seed", "lag", "rate"), [(40, 0.1, 100.0), (43, 0.4, 100.0), (40, 0.0, 20.0), (43, 0.0, 20.0)]
+)
+def test_a_slow_sweep_without_stops_is_calibrated(seed: int, lag: float, rate: float) -> None:
+    found = cw.calibrate(sweep(seed, lag=lag, rate=rate), "mount")
+    assert found.weight is not None
+    assert found.weight == pytest.approx(WEIGHT, rel=0.01)
+    assert abs(found.weight - WEIGHT) < 3.0 * found.std["weight"]
+    (said,) = (finding for finding in found.findings if finding.kind is Kind.POSES_ON_THE_WAY)
+    assert said.severity is Severity.WARNING
+    count = len(found.poses)
+    assert said.text == (
+        f"{count} of {count} poses are parts of a slow motion, 0 still stretches were found: "
+        "a stop of two seconds at each orientation tells more"
+    )
+    assert count <= 120
 
 
 def test_a_fast_sweep_is_refused_as_before() -> None:

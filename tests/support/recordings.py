@@ -53,8 +53,12 @@ def generic_rotations(n: int, seed: int = 0) -> Array:
 
 def csv_text(header: Iterable[str], rows: Iterable[ArrayLike], delimiter: str = ",", end: str = "\n") -> str:
     """A table as text, every number in its shortest exact form."""
-    lines = [delimiter.join(header)]
-    lines += [delimiter.join(map(repr, np.ravel(row).astype(np.float64).tolist())) for row in rows]
+    numbers: list[list[float]]
+    if isinstance(rows, np.ndarray):  # at once: many tests write tens of thousands
+        numbers = rows.reshape(len(rows), -1).astype(np.float64).tolist()
+    else:
+        numbers = [np.ravel(row).astype(np.float64).tolist() for row in rows]
+    lines = [delimiter.join(header), *(delimiter.join(map(repr, row)) for row in numbers)]
     return end.join([*lines, ""])
 
 

@@ -268,7 +268,7 @@ class CalibrationFields(Frozen, WithFindings):
         J[1:] -= J[0]  # of 1 and of each entry of R: the free wrench is linear in them
         R = spread_rotations(288, 24)
         entries = np.column_stack([np.ones(len(R)), R.reshape(-1, 9)])
-        variances = (np.einsum("iap,pq,jaq->ij", part, self.error_covariance, part) for part in (J[:, :3], J[:, 3:]))
+        variances = (np.einsum("iap,jap->ij", part @ self.error_covariance, part) for part in (J[:, :3], J[:, 3:]))
         force, torque = (float(np.sqrt(np.sum((entries @ each) * entries, axis=1).max())) for each in variances)
         return force, torque
 

@@ -37,7 +37,7 @@ class ArmMotion:
 
     All is seen through a window of `width` s, as readings are that were averaged over as long: what is filtered alike
     still obeys the same law. So its integral over time is kept, three coefficients for each number of the state: `area`
-    (k - 1, 3, m), falling powers of the time from the node before.
+    (3, k - 1, m), falling powers of the time from the node before.
     """
 
     t: Array
@@ -68,8 +68,8 @@ class ArmMotion:
 
     def _area_until(self, t: Array) -> Array:
         place = self._place(t)
-        curve, slope, start = np.moveaxis(self.area.take(place, axis=0), 1, 0)
         since = (t - self.t[place])[:, None]
+        curve, slope, start = (each.take(place, axis=0) for each in self.area)
         return np.asarray(start + since * (slope + since * curve))
 
     def _place(self, t: Array) -> NDArray[np.intp]:
@@ -106,7 +106,7 @@ def arm_motion(buffer: Buffer, nodes: Nodes, longest_gap: float) -> ArmMotion:
     until = np.cumsum(0.5 * step * (state[1:] + state[:-1]), axis=0)
     area = [0.5 * np.diff(state, axis=0) / step, state[:-1], np.concatenate([0.0 * until[:1], until[:-1]])]
     width = max(SMOOTHED, *(float(np.median(np.diff(stamps))) for stamps in (t, buffer.readings.t)))
-    return ArmMotion(t, np.stack(area, axis=1), np.diff(is_gap[index]) > 0, width)
+    return ArmMotion(t, np.stack(area), np.diff(is_gap[index]) > 0, width)
 
 
 def _state(t: Array, R: Array, position: Array | None) -> Array:

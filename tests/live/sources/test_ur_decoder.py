@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -51,6 +51,7 @@ def test_packages_may_be_cut_anywhere(cuts: list[int]) -> None:
     assert batch.notes == []
 
 
+@settings(max_examples=40)
 @given(st.lists(st.integers(0, 10_000), max_size=10), st.binary(min_size=1, max_size=60), st.text(max_size=30))
 def test_garbage_and_messages_cost_no_package(cuts: list[int], garbage: bytes, text: str) -> None:
     """Garbage that begins as a message may hide what follows, but no more than one message's length."""
