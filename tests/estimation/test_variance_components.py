@@ -113,6 +113,21 @@ def _linear(rig: Rig, R: Array, errors: Array) -> Linear:
     return Linear(J, errors, COLUMNS, rig.weight, nothing, NoiseModel(np.full(6, 1e-20), None, NOISE**2))
 
 
+@pytest.mark.parametrize("size", [0.1, 3.0])
+def test_how_large_a_drift_usually_is_pulls_at_its_strength(size: float) -> None:
+    """The half-normal's slope, by differences: of a size x in its usual ones, minus its logarithm x^2 / 2 - log x."""
+    rig, R, rng = example(6, poses=16)
+    columns, every = rng.normal(size=(16, 1)), np.ones(16, dtype=bool)
+    turns = turns_across_gravity(_tool(rig), R, None, every)
+    V = Turned(AlikeOnAxes(every, np.ones(16), NOISE**2, columns, 5.0), turns, TURN)
+    share = 5.0 * float(np.sqrt(np.mean(NOISE[:3] ** 2))) / rig.weight / size
+    linear = _linear(rig, R, NOISE * rng.normal(size=(16, 6)))
+    with_it, without = look_at(linear, V, share).drift, look_at(linear, V).drift
+    by = 1e-4
+    low, high = (0.5 * x**2 - np.log(x) for x in (size * np.exp(-by), size * np.exp(by)))
+    assert with_it.slope - without.slope == pytest.approx((high - low) / (4.0 * by), rel=1e-5)
+
+
 @pytest.mark.parametrize("drifts", [False, True])
 def test_variances_are_where_the_restricted_likelihood_is_largest(drifts: bool) -> None:
     """Dense, priors of turns and of axes alike counted; and the parameters are of generalised least squares there."""

@@ -156,7 +156,7 @@ class Turned:
         return np.asarray(np.linalg.inv(np.eye(c) + of_readings))
 
     def pull(self, weighted: Array) -> Array:
-        """What `weighted` readings (m, 6, k) pull at the parts with that poses have in common, (c, k)."""
+        """What `weighted` readings (m, 6, k) pull at what poses have in common with, (c, k), its parts of unit size."""
         m, _, c = self.columns.shape
         flat = (weighted * self.noise[:, None]).reshape(6 * m, weighted.shape[2])
         return np.asarray(self.columns.reshape(6 * m, c).T @ flat)
@@ -168,11 +168,11 @@ class Turned:
         return np.asarray(weighted - in_common / self.noise[:, None])
 
     def along_drift(self, weighted: Array) -> Array:
-        """The same of a drift's parts, (q, 6, k), the parts of each column being its axes."""
+        """What `weighted` readings (m, 6, k) pull at a drift with, (q, 6, k): each column of it on each axis."""
         return self.pull(weighted)[: self._of_drift].reshape(-1, 6, weighted.shape[2])
 
     def along_turns(self, weighted: Array) -> Array:
-        """The same of all turns', (2 m, k)."""
+        """What `weighted` readings (m, 6, k) pull at all turns with, (2 m, k), in common or each pose's own."""
         own = self.own_turns.transpose(0, 2, 1) @ (weighted * self.noise[:, None])
         return np.concatenate(
             [self.pull(weighted)[self._of_drift :], own.reshape(own.shape[1] * len(own), weighted.shape[2])]
@@ -185,12 +185,12 @@ class Turned:
 
     @property
     def dof_of_drift(self) -> Array:
-        """Of its parts (q, 6), were the tool known."""
+        """Degrees of freedom of a drift's parts (q, 6), were the tool known."""
         return 1.0 - np.diag(self.left_in_common)[: self._of_drift].reshape(-1, 6)
 
     @property
     def dof_of_turns(self) -> float:
-        """Of all of them, were the tool known."""
+        """Degrees of freedom of all turns, were the tool known."""
         of_own = self.own_turns * (self.precision_blocks * np.outer(self.noise, self.noise) @ self.own_turns)
         return float(np.sum(1.0 - np.diag(self.left_in_common)[self._of_drift :])) + float(np.sum(of_own))
 

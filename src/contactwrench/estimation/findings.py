@@ -22,7 +22,7 @@ from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
 from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, weighs_next_to_nothing
 from .priors import Question
-from .robot_errors import turns_of_robot
+from .robot_errors import may_go_on
 
 WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
 """Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
@@ -242,8 +242,7 @@ def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
     way are not, and no std holds. Errors of the robot may be alike where that is counted.
     """
     n = len(fit.residuals)
-    counted = len(turns_of_robot(len(readings), readings.time is not None)) > 1
-    left = fit.beyond_robot if counted else fit.residuals
+    left = fit.beyond_robot if may_go_on(len(readings), readings.time is not None) else fit.residuals
     left = left / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-300)
     alike = float(np.mean(left[1:] * left[:-1])) if n >= FEWEST_IN_A_ROW else 0.0
     worth = (1.0 - alike) / max(1.0 + alike, 1e-300)

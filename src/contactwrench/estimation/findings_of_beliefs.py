@@ -24,6 +24,9 @@ the ones that are right.
 LIKE_CONTACTS, FEW_LIKE_CONTACTS = 0.3, 2
 """Of the poses, and poses: so few after a step may as well be in contact, all in the same way."""
 
+SAID, WANDERS = 0.5, 0.75
+"""Probabilities from which on the bias is said to have moved; to have wandered, which takes up chance of any shape."""
+
 DECIDES, DECIDES_BY_FAR = 2.0, 3.5
 """Standard deviations by which the answer is off in a rival's case, from which on the rival matters; the second where
 it is unlikely."""
@@ -169,7 +172,7 @@ def _poses_in_doubt(estimate: Estimate, beliefs: Beliefs, names: list[str]) -> l
 
 def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> list[Finding]:
     moved, drift = sum(beliefs.moved.values()), beliefs.drift
-    if drift is None or drift.kind is None or moved < 0.5:
+    if drift is None or drift.kind is None or moved < (WANDERS if drift.kind is Kind.BIAS_WANDERED else SAID):
         return []
     text = in_words(drift, beliefs.change, moved, names, poses[0].t_start, poses[-1].t_end)
     after = len(names) - (drift.first_after or 0)

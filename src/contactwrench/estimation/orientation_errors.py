@@ -32,7 +32,7 @@ FIELD_LENGTH = 0.5
 
 AXES = range(6)
 MOST_POSES = 100
-"""With more, poses taken on the way most often, only the sensor's gain is looked for."""
+"""With more, poses taken on the way most often, no cable is looked for."""
 
 
 def orientation_errors(

@@ -19,12 +19,15 @@ from .hypotheses import Hypothesis
 from .orientation_errors import two_levels
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
 from .problem import Problem
+from .robot_errors import turns_across_gravity
 from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, settled, table_at
 
 DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
 
 MOST_AS_LEVELS = 3
+MANY = 40
+"""Poses: of fewer, turns of the robot take up what contacts make, which are looked for as if there were none."""
 FEWEST_POSES = 4
 
 
@@ -86,11 +89,13 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
 def _of_levels(problem: Problem, first: Table, hypotheses: tuple[Hypothesis, ...]) -> Table | None:
     """The table of poses on two levels, beside the `first` without; None where it comes nowhere near."""
     everything = np.ones(len(problem.wrench), dtype=bool)
-    if (first.members.robot < 0).all():
-        likeliest = (first.hypotheses[first.members.hypothesis[first.best]],)
-        rough = table_at(replace(problem, robot=()), first.tool, everything, likeliest)
-        if rough.log_evidence < first.log_evidence - 2.0 * FAR:
-            return None
+    likeliest = first.hypotheses[first.members.hypothesis[first.best]]
+    alike = tuple(
+        h for h in hypotheses if (h.mount, h.base, h.exact) == (likeliest.mount, likeliest.base, likeliest.exact)
+    )
+    rough = table_at(problem, first.tool, everything, alike)
+    if rough.log_evidence < first.log_evidence - 2.0 * FAR:
+        return None
     return settled(problem, first.tool, everything, hypotheses)
 
 
@@ -106,7 +111,14 @@ def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDA
     q, columns = len(problem.names), problem.columns
     information, pull = np.zeros((q, q)), np.zeros(q)
     information[np.ix_(columns, columns)], pull[columns] = table.priors.information[-1], table.priors.pull[-1]
-    return likely_clean(J, problem.errors(table.tool), information, pull, LEVER)
+    errors, m, best = problem.errors(table.tool), table.members, table.best
+    if m.robot[best] >= 0 and len(errors) > MANY:  # what turns make of a pose counts as little as it tells
+        noise = np.sqrt(m.variance[best])[:, None]
+        turned = m.turn[best] * turns_across_gravity(table.tool, problem.R_base_flange, None, table.kept).reads / noise
+        own = np.linalg.inv(np.eye(6) + turned @ turned.transpose(0, 2, 1))
+        weigh = noise * np.linalg.cholesky(own).transpose(0, 2, 1) / noise.T
+        J, errors = weigh @ J, (weigh @ errors[..., None])[..., 0]
+    return likely_clean(J, errors, information, pull, LEVER)
 
 
 def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:

@@ -22,6 +22,7 @@ from ..model import RigidTool, gravity_in_flange, wrench_matrix
 from .bias_drift import Kernels
 from .error_covariance import AlikeOnAxes, Turned, Turns
 from .least_squares import Members
+from .noise import LEAST_DOF
 from .variance_components import LEAST, USUAL, Linear, Optimum, along_axes, at_optimum, look_at, shows
 
 ODDS = 1.0
@@ -33,6 +34,9 @@ CORRELATION = 0.85
 MOST_ALIKE = 100
 """Poses: with more, taken on the way most often, each has an error for itself."""
 
+FURTHEST = 5.0 * USUAL
+"""rad, standard deviation: what leaves more is no robot's error."""
+
 OF_NOISE = 0.25
 """Of the variance that is left where nothing turns: the noise to begin with, the rest being turns."""
 
@@ -41,11 +45,16 @@ MOST_BESIDE, CLOSE_BESIDE = 3, 4.0
 or none, from which on."""
 
 
+def may_go_on(n: int, in_order: bool) -> bool:
+    """Whether errors that n poses have from one to the next are counted, which must be known to be `in_order`."""
+    return in_order and n <= MOST_ALIKE
+
+
 def turns_of_robot(n: int, in_order: bool) -> tuple[Array | None, ...]:
-    """How errors of the robot's orientation may be alike at n poses: not at all, None, or, where poses are known to be
-    `in_order`, from one to the next, (n, n).
+    """How errors of the robot's orientation may be alike at n poses: not at all, None, or from one to the next, (n, n),
+    where they `may_go_on`.
     """
-    if not in_order or n > MOST_ALIKE:
+    if not may_go_on(n, in_order):
         return (None,)
     return (None, CORRELATION ** np.abs(np.subtract.outer(np.arange(n), np.arange(n))))
 
@@ -112,15 +121,21 @@ def _with_drift(base: AlikeOnAxes, kernels: Kernels, k: int) -> AlikeOnAxes:
 
 
 def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
-    """Where to begin: most of the noise is turns; None where the evidence falls with the first of them."""
-    little = look_at(linear, Turned(base, turns, LEAST)).turns
-    if little.chi2 <= little.dof:
+    """Where to begin: most of the noise is turns; None where no robot is so far off, or the evidence falls with the
+    first of them.
+    """
+    found = look_at(linear, Turned(base, turns, LEAST))
+    if found.turns.chi2 <= found.turns.dof:
         return None
+    # a rival's noise is no measure of what is left without it
+    variance = base.variance * max(float(found.chi2.sum() / max(found.dof.sum(), LEAST_DOF)), 1.0)
     load = max(float(np.mean(turns.reads_of_kept[:, :3] ** 2)), 1e-300)
-    sd = float(np.sqrt((1.0 - OF_NOISE) * np.mean(base.variance[:3]) / load))
+    sd = float(np.sqrt((1.0 - OF_NOISE) * np.mean(variance[:3]) / load))
+    if sd > FURTHEST:
+        return None
     V = Turned(base, turns, min(sd, USUAL))
     least = np.maximum(linear.noise.least, V.beyond_first_order)
-    return replace(V, base=replace(base, variance=np.maximum(OF_NOISE * base.variance, least)))
+    return replace(V, base=replace(base, variance=np.maximum(OF_NOISE * variance, least)))
 
 
 def _likely_alone(kernels: Kernels, others: Members) -> dict[int, Array]:

@@ -226,11 +226,14 @@ def _log_volume(linear: Linear, found: Optimum, strengths: Array) -> float:
 def log_spread(V: Turned, J: Array, information: Array) -> Array:
     """Covariance (7, 7) of the logarithms of the axes' variances, and of the turns': they share what is left, so that
     each is known less well than alone (`NoiseModel.log_spread`). J (m, 6, p), `information` (p, p) of the parameters.
+
+    V is a sum of z z^T, each of one of the seven variances: an entry of Fisher's information is half the sum of
+    (z^T P z')^2 over the z of one and the z' of the other. P is own blocks less `W known W^T`, of few columns.
     """
     m, _, c = V.columns.shape
     W, known = _in_common(V, V.precision_times(J), inverse_of(information))
     root = np.sqrt(V.base.relative[V.base.kept])[:, None, None]
-    each = np.concatenate([root * np.eye(6), V.own_turns], axis=2)  # (m, 6, k), what each reading has for itself
+    each = np.concatenate([root * np.eye(6), V.own_turns], axis=2)  # the z (m, 6, k) that each pose has for itself
     of_each, k = each.transpose(0, 2, 1) @ W, each.shape[2]
     own = each.transpose(0, 2, 1) @ V.own_precision @ each
     products = known @ (of_each.transpose(1, 2, 0) @ of_each.transpose(1, 0, 2))  # (k, r, r)
@@ -238,7 +241,8 @@ def log_spread(V: Turned, J: Array, information: Array) -> Array:
     across = V.weighted_columns.transpose(0, 2, 1) @ each - of_columns @ known @ of_each.transpose(0, 2, 1)
     within = of_columns[:, :c] - of_columns @ known @ of_columns.T
     q = V.base.columns.shape[1]
-    one = np.eye(7)[np.r_[np.arange(k), np.tile(np.arange(6), q), np.full(c - 6 * q, 6)].clip(max=6)]
+    of_which = np.r_[np.arange(6), np.full(k - 6, 6), np.tile(np.arange(6), q), np.full(c - 6 * q, 6)]
+    one = np.eye(7)[of_which]
     squares = np.zeros((k + c, k + c))
     squares[:k, :k] = np.sum(own * (own - 2.0 * of_each @ known @ of_each.transpose(0, 2, 1)), axis=0)
     squares[:k, :k] += np.tensordot(products, products.transpose(0, 2, 1), ((1, 2), (1, 2)))
