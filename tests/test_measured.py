@@ -173,7 +173,7 @@ def test_a_swing_without_positions_is_calibrated_by_an_accelerometer(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """An arm that turns about one axis, with the tool of the static poses: what one axis leaves untold is named, and
-    free motion is free of contact, half of which is contact without the inertia.
+    free motion is free of contact, a quarter of which is contact without the inertia.
     """
     tool, swing = tmp_path / "tool.json", tmp_path / "swing.json"
     assert run(capsys, "calibrate", KUKA, "-o", tool).status == 0
@@ -199,7 +199,7 @@ def test_a_swing_without_positions_is_calibrated_by_an_accelerometer(
         header, *rows = contact.read_text().splitlines()
         place = header.split(",").index("contact")
         shares.append(np.mean([row.split(",")[place] == "1" for row in rows]))
-    assert shares[0] > 0.4
+    assert shares[0] > 0.2
     assert shares[1] <= 0.01
     _feels_nothing_sample_by_sample(found, cw.read(wrench, pose_file=pose, imu=str(imu)))
 

@@ -464,7 +464,7 @@ def test_recordings_with_junk_are_streams_or_one_line(tmp_path: Path, data: st.D
             assert_one_line_that_names(error, path)
             outcomes.append(None)
         else:
-            assert np.isfinite(found.wrench.wrench).all()
+            assert not np.isinf(found.wrench.wrench).any()  # NaN is a row without a reading
             assert np.isfinite(found.wrench.t).all()
             outcomes.append(len(found.wrench) + len(found.orientation))
     assert outcomes[0] == outcomes[1]

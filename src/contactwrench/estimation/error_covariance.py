@@ -134,14 +134,17 @@ class Turned:
 
     @cached_property
     def _own(self) -> Array:
-        """Of each pose alone, (m, 6, 6)."""
+        """What the turns that each pose has for itself add to the identity, (m, 2, 2), or nothing, (m, 0, 0)."""
         relative = self.base.relative[self.base.kept, None, None]
-        return np.asarray(relative * np.eye(6) + self.own_turns @ self.own_turns.transpose(0, 2, 1))
+        added: Array = self.own_turns.transpose(0, 2, 1) @ self.own_turns / relative
+        return np.asarray(added + np.eye(added.shape[1]))
 
     @cached_property
     def own_precision(self) -> Array:
         """The inverse of what each reading has for itself, (m, 6, 6)."""
-        return np.asarray(np.linalg.inv(self._own))
+        relative = self.base.relative[self.base.kept, None, None]
+        by_turns = self.own_turns @ np.linalg.inv(self._own) @ self.own_turns.transpose(0, 2, 1) / relative
+        return np.asarray((np.eye(6) - by_turns) / relative)
 
     @cached_property
     def weighted_columns(self) -> Array:
@@ -211,7 +214,8 @@ class Turned:
     @property
     def log_determinant(self) -> float:
         """Of V of the poses kept."""
-        of_each = np.linalg.slogdet(self._own)[1] + np.sum(np.log(self.base.variance))
+        of_noise = 6.0 * np.log(self.base.relative[self.base.kept]) + np.sum(np.log(self.base.variance))
+        of_each = of_noise + np.linalg.slogdet(self._own)[1]
         return float(np.sum(of_each) - np.linalg.slogdet(self.left_in_common)[1])
 
     def by_turns(self, weighted: Array) -> Array:
