@@ -277,6 +277,9 @@ def renewed(page: Path) -> str:
             shown, actual = (item.output or "").splitlines(), item.actual.rstrip().splitlines()
             if ELLIPSIS in shown:
                 by_words = {words(line): line for line in actual}
+                for line in shown:
+                    if words(line) not in by_words and line != ELLIPSIS:
+                        print(f"{page.name}: nothing comes out like {line.strip()!r}: renew it by hand")
                 actual = [by_words.get(words(line), line) for line in shown]
             body += "".join(f"{line}\n" for line in (actual if shown and item.actual else shown))
             body += f"{STATUS}\n{item.status}\n" if item.status else ""

@@ -83,8 +83,8 @@ class Turns:
         return self.reads[self.kept]
 
     @cached_property
-    def columns(self) -> Array:
-        """What turns read that are alike, (m, 6, 2 m), made of independent parts of unit size; else none (m, 6, 0)."""
+    def in_common(self) -> Array:
+        """What turns that are alike read, (m, 6, 2 m) N and N m, as independent parts of 1 rad, or none (m, 6, 0)."""
         m = len(self.reads_of_kept)
         if self.alike is None:
             return np.zeros((m, 6, 0))
@@ -116,39 +116,39 @@ class Turned:
 
     @cached_property
     def noise(self) -> Array:
-        """Standard deviations (6,), in whose units all is here."""
+        """Standard deviations (6,), N and N m: `own_turns`, `columns` and what weighs them are in these units."""
         return np.sqrt(self.base.variance)
 
     @cached_property
     def own_turns(self) -> Array:
-        """Readings (m, 6, 2) of turns that each pose has for itself, if any, of unit size."""
+        """Turns that each pose has for itself, (m, 6, 2), independent and of unit size; none, (m, 6, 0), if alike."""
         own = self.sd * self.turns.reads_of_kept / self.noise[:, None]
         return own if self.turns.alike is None else own[:, :, :0]
 
     @cached_property
     def columns(self) -> Array:
-        """What poses have in common, (m, 6, c)."""
+        """What poses have in common, (m, 6, c), as independent parts of unit size: a drift on each axis, then turns."""
         L = self.base.strength * self.base.columns[self.base.kept]
         drift = (L[:, None, :, None] * np.eye(6)[:, None]).reshape(len(L), 6, 6 * L.shape[1])
-        return np.concatenate([drift, self.sd * self.turns.columns / self.noise[:, None]], axis=2)
+        return np.concatenate([drift, self.sd * self.turns.in_common / self.noise[:, None]], axis=2)
 
     @cached_property
-    def _own(self) -> Array:
-        """What the turns that each pose has for itself add to the identity, (m, 2, 2), or nothing, (m, 0, 0)."""
+    def _turns_precision(self) -> Array:
+        """Precision of each pose's own turns, given its reading, (m, 2, 2), or nothing, (m, 0, 0)."""
         relative = self.base.relative[self.base.kept, None, None]
         added: Array = self.own_turns.transpose(0, 2, 1) @ self.own_turns / relative
         return np.asarray(added + np.eye(added.shape[1]))
 
     @cached_property
     def own_precision(self) -> Array:
-        """The inverse of what each reading has for itself, (m, 6, 6)."""
+        """Of what each reading has for itself, noise and own turns, (m, 6, 6)."""
         relative = self.base.relative[self.base.kept, None, None]
-        by_turns = self.own_turns @ np.linalg.inv(self._own) @ self.own_turns.transpose(0, 2, 1) / relative
+        by_turns = self.own_turns @ np.linalg.inv(self._turns_precision) @ self.own_turns.transpose(0, 2, 1) / relative
         return np.asarray((np.eye(6) - by_turns) / relative)
 
     @cached_property
     def weighted_columns(self) -> Array:
-        """(m, 6, c), by what each reading has for itself."""
+        """`own_precision columns`, (m, 6, c)."""
         return self.own_precision @ self.columns
 
     @cached_property
@@ -177,9 +177,8 @@ class Turned:
     def along_turns(self, weighted: Array) -> Array:
         """What `weighted` readings (m, 6, k) pull at all turns with, (2 m, k), in common or each pose's own."""
         own = self.own_turns.transpose(0, 2, 1) @ (weighted * self.noise[:, None])
-        return np.concatenate(
-            [self.pull(weighted)[self._of_drift :], own.reshape(own.shape[1] * len(own), weighted.shape[2])]
-        )
+        own = own.reshape(own.shape[1] * len(own), weighted.shape[2])
+        return np.concatenate([self.pull(weighted)[self._of_drift :], own])
 
     @property
     def _of_drift(self) -> int:
@@ -215,7 +214,7 @@ class Turned:
     def log_determinant(self) -> float:
         """Of V of the poses kept."""
         of_noise = 6.0 * np.log(self.base.relative[self.base.kept]) + np.sum(np.log(self.base.variance))
-        of_each = of_noise + np.linalg.slogdet(self._own)[1]
+        of_each = of_noise + np.linalg.slogdet(self._turns_precision)[1]
         return float(np.sum(of_each) - np.linalg.slogdet(self.left_in_common)[1])
 
     def by_turns(self, weighted: Array) -> Array:

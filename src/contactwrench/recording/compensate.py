@@ -200,9 +200,8 @@ def _paired(
         whose = "the calibration's" if treatment.delay is None else "as stated"
         by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
         note(f"the wrench is taken to be stamped {by} than the orientation, {whose}")
-    recording = _telling(
-        batches(path, options, advance=advance, every=True, **_at_once(calibration)), path, options, note
-    )
+    every_row = batches(path, options, advance=advance, every=True, **_at_once(calibration))
+    recording = _telling(every_row, path, options, note)
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))
     compensator, in_doubt, standing = None, InDoubt(calibration.with_gravity(treatment.gravity)), Standing()
@@ -265,6 +264,7 @@ def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Ite
 
 class InOrder:
     """Puts what is known of readings, as they are paired, back into the order of the recording.
+
     Between two calls it holds the stamps of the readings that are not yet paired, and rows that are ahead of them.
     """
 

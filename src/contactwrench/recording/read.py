@@ -109,14 +109,14 @@ def _by_name(path: Path) -> Reader:
 
 def read_streams(path: str | Path, options: Options = AS_USUAL) -> Streams:
     """A recording as it is, each stream at its own times. Of one table a row belongs to both streams, or to one where
-    its other cells are empty.
+    its other cells are empty. Raises as `read`.
 
     Args:
         path: the file or folder.
         options: how it is written.
 
     Returns:
-        Wrench in N and N m, sensor axes, pull sign; orientations of `R_base_flange`; times in s. Raises as `read`.
+        Wrench in N and N m, sensor axes, pull sign, NaN where there is none; orientations of `R_base_flange`; s.
     """
     return Streams.concatenate(list(batches(path, options)))
 
@@ -151,6 +151,7 @@ def read_samples(
 ) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
     orientation is brought to the wrench's times, `begin` hears that this begins, and `tell` how. Raises as `read`.
+
     The delay between two streams, of free readings, is applied where it is significant. Where a recording with times
     does not say which channels stood at their limits, its readings do.
     """
