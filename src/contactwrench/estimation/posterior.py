@@ -20,7 +20,7 @@ from .orientation_errors import two_levels
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
 from .problem import Problem
 from .robot_errors import turns_across_gravity
-from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, settled, table_at
+from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, settled, settled_beside, table_at
 
 DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
@@ -68,7 +68,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     first = found[0]
     proposed = {kept.tobytes(): kept for kept in (on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS]))}
     of_levels = [
-        _of_levels(_as_two_levels(problem, kept), first, hypotheses)
+        settled_beside(_as_two_levels(problem, kept), first)
         for kept in proposed.values()
         if np.isfinite(log_prior_two_levels(len(kept), int(np.sum(~kept))))
     ]
@@ -84,19 +84,6 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
             for t in others
         ),
     ]
-
-
-def _of_levels(problem: Problem, first: Table, hypotheses: tuple[Hypothesis, ...]) -> Table | None:
-    """The table of poses on two levels, beside the `first` without; None where it comes nowhere near."""
-    everything = np.ones(len(problem.wrench), dtype=bool)
-    likeliest = first.hypotheses[first.members.hypothesis[first.best]]
-    alike = tuple(
-        h for h in hypotheses if (h.mount, h.base, h.exact) == (likeliest.mount, likeliest.base, likeliest.exact)
-    )
-    rough = table_at(problem, first.tool, everything, alike)
-    if rough.log_evidence < first.log_evidence - 2.0 * FAR:
-        return None
-    return settled(problem, first.tool, everything, hypotheses)
 
 
 def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:

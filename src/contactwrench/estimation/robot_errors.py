@@ -23,7 +23,7 @@ from .bias_drift import Kernels
 from .error_covariance import AlikeOnAxes, Turned, Turns
 from .least_squares import Members
 from .noise import LEAST_DOF
-from .variance_components import LEAST, USUAL, Linear, Optimum, along_axes, at_optimum, look_at, shows
+from .variance_components import SHOWING, USUAL, Linear, Optimum, along_axes, at_optimum, look_at, shows
 
 ODDS = 1.0
 """Before the readings, that robots err so that it may show."""
@@ -37,8 +37,8 @@ MOST_ALIKE = 100
 FURTHEST = 5.0 * USUAL
 """rad, standard deviation: what leaves more is no robot's error."""
 
-OF_NOISE = 0.25
-"""Of the variance that is left where nothing turns: the noise to begin with, the rest being turns."""
+MOST = 1.5
+"""Of the noise's variance, by turns about either axis, to begin with: three quarters of what is left."""
 
 MOST_BESIDE, CLOSE_BESIDE = 3, 4.0
 """Drifts that are looked at with turns beside them, and the natural logarithm of the odds of one, against the likeliest
@@ -116,26 +116,52 @@ def likely_with(
     return list(found.values())
 
 
+def still_likely(
+    linear: Linear, base: AlikeOnAxes, turns: Turns, kernels: Kernels, nearby: Members
+) -> list[tuple[int, Optimum]]:
+    """The same where all is linearised close to where members `nearby` were found, with turns: only these, from there
+    on.
+    """
+    found: list[tuple[int, Optimum]] = []
+    for k, first in zip(*np.unique(nearby.kernel, return_index=True), strict=True):
+        drift = kernels.drifts[kernels.drift[k]]
+        there = replace(
+            base, variance=nearby.variance[first], columns=drift.columns, strength=float(nearby.strength[first])
+        )
+        optimum = at_optimum(linear, Turned(there, turns, float(nearby.turn[first])), drift)
+        if shows(optimum.V):
+            found.append((int(k), optimum))
+    return found
+
+
 def _with_drift(base: AlikeOnAxes, kernels: Kernels, k: int) -> AlikeOnAxes:
     return replace(base, columns=kernels.drifts[kernels.drift[k]].columns, strength=float(kernels.strength[k]))
 
 
 def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
-    """Where to begin: most of the noise is turns; None where no robot is so far off, or the evidence falls with the
-    first of them.
+    """Where to begin: most of what is left is turns; None where half of what counts is too much, or no robot is so far
+    off.
     """
-    found = look_at(linear, Turned(base, turns, LEAST))
-    if found.turns.chi2 <= found.turns.dof:
-        return None
+    found = look_at(linear, _with_share(linear, base, turns, 0.5 * SHOWING))
     # a rival's noise is no measure of what is left without it
-    variance = base.variance * max(float(found.chi2.sum() / max(found.dof.sum(), LEAST_DOF)), 1.0)
-    load = max(float(np.mean(turns.reads_of_kept[:, :3] ** 2)), 1e-300)
-    sd = float(np.sqrt((1.0 - OF_NOISE) * np.mean(variance[:3]) / load))
-    if sd > FURTHEST:
+    left = float(found.chi2.sum() / max(found.dof.sum(), LEAST_DOF))
+    if replace(found.turns, chi2=found.turns.chi2 / left).slope >= 0.0:
         return None
-    V = Turned(base, turns, min(sd, USUAL))
-    least = np.maximum(linear.noise.least, V.beyond_first_order)
-    return replace(V, base=replace(base, variance=np.maximum(OF_NOISE * variance, least)))
+    V = _with_share(linear, replace(base, variance=base.variance * max(left, 1.0)), turns, MOST)
+    return None if V.sd > FURTHEST else replace(V, sd=min(V.sd, USUAL))
+
+
+def _with_share(linear: Linear, base: AlikeOnAxes, turns: Turns, share: float) -> Turned:
+    """Turns that have the `share` (`Turned.shares`) of the forces' noise, the variances of the base being of both; a
+    drift is as large as it was.
+    """
+    load = np.mean(turns.reads_of_kept**2, axis=(0, 2)) + 1e-300
+    of_axis = share * load / base.variance / np.mean(load[:3] / base.variance[:3])
+    noise = base.variance / (1.0 + 2.0 * of_axis)
+    V = Turned(base, turns, float(np.sqrt(share / np.mean(load[:3] / noise[:3]))))
+    noise = np.maximum(noise, np.maximum(linear.noise.least, V.beyond_first_order))
+    as_large = float(np.sqrt(np.mean(base.variance[:3]) / np.mean(noise[:3])))
+    return replace(V, base=replace(base, variance=noise, strength=base.strength * as_large))
 
 
 def _likely_alone(kernels: Kernels, others: Members) -> dict[int, Array]:

@@ -26,7 +26,7 @@ from .least_squares import Members, Priors, gram, solved
 from .moments import moments_of
 from .outliers import log_density_outlying, log_prior_outlying
 from .problem import Problem
-from .robot_errors import ODDS, likely_with, turns_across_gravity
+from .robot_errors import ODDS, likely_with, still_likely, turns_across_gravity
 from .variance_components import Linear, members_of
 
 FAR = 10.0
@@ -34,6 +34,9 @@ FAR = 10.0
 
 NEAR = 12.0
 """The same after a rough look, kernels and hypotheses apart."""
+
+FAR_BEFORE_CENTRED = 20.0
+"""The same of all members together, where they are linearised elsewhere."""
 
 LOOK = 2
 """Passes of a rough look."""
@@ -137,8 +140,10 @@ def _untouched(
     return Table(tool, priors, hypotheses, kept, problem.kernels, _near(members))
 
 
-def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp]) -> Table:
-    """The same, and the members in which the robot's orientation is off beside one of the kernels `among`."""
+def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby: Members | None = None) -> Table:
+    """The same, and the members in which the robot's orientation is off beside one of the kernels `among`: beside those
+    of which there is one in the same table `nearby`, and begun there.
+    """
     if not problem.robot:
         return table
     kept, tool, m = table.kept, table.tool, table.members
@@ -148,7 +153,11 @@ def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp]) -> Tabl
     log_odds, untouched = float(np.log(ODDS / len(problem.robot))), m
     for robot, alike in enumerate(problem.robot):
         turns = turns_across_gravity(tool, problem.R_base_flange, alike, kept)
-        for k, optimum in likely_with(linear, base, turns, problem.kernels, untouched, among):
+        if nearby is None:
+            likely = likely_with(linear, base, turns, problem.kernels, untouched, among)
+        else:
+            likely = still_likely(linear, base, turns, problem.kernels, nearby.select(nearby.robot == robot))
+        for k, optimum in likely:
             own = optimum.V.base
             size = problem.kernels.log_plausible(np.array([k]), np.array([own.strength]), own.of_forces, tool.weight)
             log_prior = log_odds + float(size[0] + problem.kernels.log_prior[k])
@@ -226,9 +235,25 @@ def settled(
     far from where the readings point, they would take up what is no error of it.
     """
     table = _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among))
+    return _turns_last(problem, table, among)
+
+
+def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> Table:
     table = _centred(replace(problem, robot=()), table, among)
-    turned = _with_turns(problem, table, _seen(problem, kept, among))
+    turned = _with_turns(problem, table, _seen(problem, table.kept, among))
     return _weighed(problem, _centred(problem, turned, among) if (turned.members.robot >= 0).any() else table)
+
+
+def settled_beside(problem: Problem, first: Table) -> Table | None:
+    """The table of all poses, near where the `first` is; None where it comes nowhere near that, looked at with turns of
+    the robot where that one has them.
+    """
+    kept, kernels = np.ones(len(first.kept), dtype=bool), np.arange(len(problem.kernels.drift))
+    table, with_turns = _untouched(problem, first.tool, kept, first.hypotheses, kernels), first.members.robot.max() >= 0
+    table = _with_turns(problem, table, kernels) if with_turns else table
+    if _weighed(problem, table).log_evidence < first.log_evidence - FAR_BEFORE_CENTRED:
+        return None
+    return _weighed(problem, _centred(problem, table, None)) if with_turns else _turns_last(problem, table, None)
 
 
 def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> Table:
@@ -240,8 +265,9 @@ def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> 
             break
         std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
         anew = bent > BENT or float(np.max(np.abs(step) / std)) > LONG_WAY
-        near = _seen(problem, table.kept, among if anew else near_kernels([table]))
-        table = _with_turns(problem, _untouched(problem, moved, table.kept, table.hypotheses, near), near)
+        near, nearby = (among, None) if anew else (near_kernels([table]), table.members)
+        near = _seen(problem, table.kept, near)
+        table = _with_turns(problem, _untouched(problem, moved, table.kept, table.hypotheses, near), near, nearby)
     return table
 
 
