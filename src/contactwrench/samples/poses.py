@@ -21,6 +21,9 @@ SAME_POSE_ANGLE = np.deg2rad(0.2)
 """Orientations closer than this are one pose: robots repeat to about a tenth of it."""
 
 _CELL = 5e-4
+_IN_CACHE = 4096
+"""Rows: of more at once, what is between takes longer than the sum."""
+
 _HASH = np.array([pow(0x9E3779B97F4A7C15, k, 2**63) for k in range(1, 10)], dtype=np.int64)
 """Odd multipliers that mix nine small integers into one key (powers of 2^64 / golden ratio)."""
 
@@ -75,18 +78,26 @@ def rows_of(label: NDArray[np.intp]) -> Sequence[slice | NDArray[np.intp]]:
 
 def mean_poses(samples: Samples, rows: Sequence[slice | NDArray[np.intp]]) -> tuple[Pose, ...]:
     """The mean readings of `rows`, each at one orientation, with the covariance of means of that length."""
-    readings = [samples.wrench[each] for each in rows]
-    means = [wrench[0] + (wrench - wrench[0]).mean(axis=0) for wrench in readings]
+    readings = [taken(samples.wrench, each) for each in rows]
+    means = [wrench[0] + np.ones(len(wrench)) @ (wrench - wrench[0]) / len(wrench) for wrench in readings]
+    rotations = [_mean_rotation(taken(samples.R_base_flange, each)) for each in rows]
     return tuple(
-        Pose(_mean_rotation(samples.R_base_flange[each]), mean, covariance, len(wrench), *_span(samples.t, each), None)
-        for each, wrench, mean, covariance in zip(rows, readings, means, covariances_of_means(readings), strict=True)
+        Pose(rotation, mean, covariance, len(wrench), *_span(samples.t, each), None)
+        for each, wrench, mean, covariance, rotation in zip(
+            rows, readings, means, covariances_of_means(readings), rotations, strict=True
+        )
     )
+
+
+def taken(values: Array, rows: slice | NDArray[np.intp]) -> Array:
+    """`values[rows]`, in a third of its time."""
+    return values[rows] if isinstance(rows, slice) else values.take(rows, axis=0)
 
 
 def _mean_rotation(R: Array) -> Array:
     if len(R) == 1:
         return np.asarray(R[0])
-    U, _, Vt = np.linalg.svd(R.mean(axis=0))
+    U, _, Vt = np.linalg.svd((np.ones(len(R)) @ R.reshape(-1, 9)).reshape(3, 3))
     return np.asarray(U @ Vt)
 
 
@@ -96,7 +107,11 @@ def _span(t: Array | None, rows: slice | NDArray[np.intp]) -> tuple[float | None
 
 def cells_of(R: Array, size: float) -> NDArray[np.int64]:
     """A key for each orientation (n, 3, 3), equal for those whose elements round to the same multiples of `size`."""
-    return np.rint(R.reshape(-1, 9) * (1.0 / size)).astype(np.int64) @ _HASH
+    corners, keys = R.reshape(-1, 9), np.empty(len(R), dtype=np.int64)
+    for first in range(0, len(R), _IN_CACHE):
+        some = slice(first, first + _IN_CACHE)
+        keys[some] = np.rint(corners[some] * (1.0 / size)).astype(np.int64) @ _HASH
+    return keys
 
 
 def nearly_equal(R: Array) -> tuple[Array, NDArray[np.intp]]:
