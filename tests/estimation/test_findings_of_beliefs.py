@@ -10,9 +10,11 @@ import pytest
 
 import contactwrench as cw
 from benchmarks.errors import NOISE as OF_MEAN
-from benchmarks.errors import poses, tilted
+from benchmarks.errors import Course, poses, tilted
+from benchmarks.inference import Setting
 from contactwrench.calibration.findings import Finding, Kind, Severity
-from contactwrench.estimation.estimate import Beliefs, RigidEstimate
+from contactwrench.estimation.bias_drift import Drift
+from contactwrench.estimation.estimate import Beliefs, RigidEstimate, Rival
 from contactwrench.estimation.findings import uncertain_parameters
 from contactwrench.estimation.findings_of_beliefs import of_beliefs
 from contactwrench.estimation.noise import PoseReadings, readings_of
@@ -156,3 +158,41 @@ def test_a_tilt_is_in_doubt_where_a_cone_hides_it_and_not_where_poses_are_spread
             doubted[name] += len(said)
     assert doubted["12 cone"] >= 2
     assert doubted["12 random"] == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "probability", "off", "moved"),
+    [
+        (Kind.BIAS_STEPPED, 0.004, 3.6, "stepped before pose 5"),
+        (Kind.BIAS_WANDERED, 0.06, 2.1, "wandered"),
+        (Kind.BIAS_DRIFTED, 0.06, 2.1, "drifted"),
+        (Kind.BIAS_STEPPED, 0.004, 3.4, None),
+        (Kind.BIAS_DRIFTED, 0.06, 1.9, None),
+    ],
+)
+def test_a_drift_that_is_unlikely_is_in_doubt_where_it_decides(
+    kind: Kind, probability: float, off: float, moved: str | None
+) -> None:
+    estimate, _, poses = fitted()
+    assert isinstance(estimate.beliefs, Beliefs)
+    rival = Rival(Drift(kind, np.zeros((12, 1)), 4 if kind is Kind.BIAS_STEPPED else None), probability, off)
+    text = (
+        f"doubtful: the bias may have {moved}, with a probability of {100.0 * probability:.3g} %: the answer would be "
+        f"{off:.1f} std off; record more poses"
+    )
+    expected = [Finding(Kind.DRIFT_IN_DOUBT, Severity.DOUBTFUL, text)] if moved else []
+    assert of_beliefs(replace(estimate, beliefs=replace(estimate.beliefs, furthest=rival)), poses, 0.0) == expected
+
+
+def test_a_step_that_a_turning_robot_explains_better_is_in_doubt_and_none_is_where_nothing_stepped() -> None:
+    """Of six poses in a cone: the bias is 7 std off, as turns that go on from pose to pose take up the step."""
+    rng = np.random.default_rng([7, 4, 10, 254])
+    rig, R, t, wrench = Setting("paper's 6", bool(rng.integers(2)), Course("step")).drawn(rng)
+    change, _ = Course("step", 0.3).drawn(t, rng, int(rng.integers(1, 6)))
+    doubted = {}
+    for name, moved in (("stepped", change), ("steady", np.zeros_like(change))):
+        calibration = cw.calibrate(cw.Samples(wrench + moved, R, t))
+        said = {finding.kind for finding in calibration.findings}
+        doubted[name] = calibration.verdict == "doubtful" and Kind.DRIFT_IN_DOUBT in said
+        assert doubted[name] or np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0
+    assert doubted == {"stepped": True, "steady": False}

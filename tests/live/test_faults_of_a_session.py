@@ -237,7 +237,7 @@ def suffered(chain: Chain, fake: Any, uri: str, fault: Fault) -> str:
 
 
 def told(name: str) -> tuple[list[str], Chain]:
-    """What became of all faults of a device on one session, a line each, and the session, closed. Where a fault was only
+    """What became of all faults of a device on one session, a line each, and the session, closed. Where one was only
     slow it is tried once more: a machine that has something else to do holds any program up, but not at every try.
     """
     device = DEVICES[name]

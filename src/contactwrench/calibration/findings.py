@@ -37,6 +37,7 @@ class Kind(StrEnum):
     POSE_IN_DOUBT = "pose_in_doubt"
     POSE_OFF = "pose_off"
     TILT_IN_DOUBT = "tilt_in_doubt"
+    DRIFT_IN_DOUBT = "drift_in_doubt"
     BIAS_STEPPED = "bias_stepped"
     BIAS_DRIFTED = "bias_drifted"
     BIAS_WANDERED = "bias_wandered"
@@ -98,8 +99,9 @@ class Doubt(StrEnum):
 
 BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED})
 _ASSUMED = (
-    *(Kind.SIGN_NOT_CONFIRMED, Kind.ANGLES_IN_DOUBT, Kind.POSE_IN_DOUBT, Kind.TILT_IN_DOUBT, Kind.POSITIONS_IN_DOUBT),
-    *(Kind.SLOW_POSES, Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE, Kind.DEAD_CHANNEL, Kind.RESTS_ON_PRIOR),
+    *(Kind.SIGN_NOT_CONFIRMED, Kind.ANGLES_IN_DOUBT, Kind.POSE_IN_DOUBT, Kind.TILT_IN_DOUBT, Kind.DRIFT_IN_DOUBT),
+    *(Kind.POSITIONS_IN_DOUBT, Kind.SLOW_POSES, Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE, Kind.DEAD_CHANNEL),
+    Kind.RESTS_ON_PRIOR,
 )
 DOUBT_OF_KIND = {
     **dict.fromkeys(_ASSUMED, Doubt.ASSUMPTION),

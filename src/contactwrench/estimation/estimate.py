@@ -83,6 +83,17 @@ EXCLUDED = 1.0 / 500.0
 """The same where the rival's answer is so far off that a decision against it would be a confident error."""
 
 
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A `drift` of the bias that is not the likeliest cause of what the poses differ by, its `probability`, and by how
+    many std the weight, com or bias would be `off`.
+    """
+
+    drift: Drift
+    probability: float
+    off: float
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Beliefs:
     """Probabilities once the readings are known: that each pose is `outlying` (n,); of each kind of the bias' motion,
@@ -91,7 +102,8 @@ class Beliefs:
     the robot's turns of about `turn` rad an axis; that
     mounting and base are exactly nominal, `mounting_exact` and `base_exact`, or point anywhere, `any_mounting` and
     `any_base`. By how many std the answer would be off, were the less likely of exactly nominal or not so,
-    `off_by_mounting` and `off_by_base`; 0 where that one is excluded.
+    `off_by_mounting` and `off_by_base`; 0 where that one is excluded; the drift, not excluded, by which it would be
+    furthest off, `furthest`.
     """
 
     outlying: Array
@@ -105,6 +117,7 @@ class Beliefs:
     base_exact: float
     off_by_mounting: float
     off_by_base: float
+    furthest: Rival | None
     any_mounting: float
     any_base: float
 

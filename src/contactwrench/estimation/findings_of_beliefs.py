@@ -81,6 +81,7 @@ def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> lis
         *_with_orientation(beliefs, names, poses),
         *_anywhere(estimate, beliefs),
         *_tilt_in_doubt(beliefs),
+        *_drift_in_doubt(beliefs, names),
     ]
 
 
@@ -97,8 +98,27 @@ def _tilt_in_doubt(beliefs: Beliefs) -> list[Finding]:
             f"answer is {off:.1f} std off; tilt the tool further, about more than one axis, or state it with --known",
         )
         for what, exact, off in each
-        if off > (DECIDES if min(exact, 1.0 - exact) > IN_DOUBT else DECIDES_BY_FAR)
+        if _decides(min(exact, 1.0 - exact), off)
     ]
+
+
+def _drift_in_doubt(beliefs: Beliefs, names: list[str]) -> list[Finding]:
+    """Where the answer would be another one, had the bias moved in a way that is unlikely, but not excluded."""
+    rival = beliefs.furthest
+    if rival is None or not _decides(rival.probability, rival.off):
+        return []
+    moved = {Kind.BIAS_DRIFTED: "drifted", Kind.BIAS_WANDERED: "wandered"}.get(rival.drift.kind or Kind.OTHER, "")
+    moved = moved or f"stepped before {names[rival.drift.first_after or 0]}"
+    text = (
+        f"the bias may have {moved}, with a probability of {_percent(rival.probability)}: the answer would be "
+        f"{rival.off:.1f} std off; record more poses"
+    )
+    return [DOUBTFUL(Kind.DRIFT_IN_DOUBT, text)]
+
+
+def _decides(probability: float, off: float) -> bool:
+    """Whether a rival matters, in whose case the answer would be `off` std off."""
+    return off > (DECIDES if probability > IN_DOUBT else DECIDES_BY_FAR)
 
 
 def _anywhere(estimate: Estimate, beliefs: Beliefs) -> list[Finding]:

@@ -1,8 +1,6 @@
-"""The mean over all members of the tables, its covariance within and between, and what can be read off them."""
+"""The mean over all members of the tables, and its covariance within and between."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator, Set
 
 import numpy as np
 
@@ -15,9 +13,9 @@ from ..model import (
     wrench_jacobian,
     wrench_matrix,
 )
-from .bias_drift import Drift
+from .beliefs import beliefs_of
 from .error_covariance import Turned
-from .estimate import EXCLUDED, IN_DOUBT, Beliefs, RigidEstimate
+from .estimate import IN_DOUBT, RigidEstimate
 from .noise import MOST_DOF, PoseReadings
 from .orientation_errors import of_gain
 from .outliers import probability_of_a_level
@@ -25,7 +23,7 @@ from .posterior import deleted_errors
 from .priors import rows_of
 from .problem import Problem
 from .robot_errors import variance_of_turns
-from .tables import Table, covariance_of_errors, explained
+from .tables import Table, covariance_of_errors, each_with_place, explained
 from .variance_components import inverse_of, log_spread
 
 FEWEST_DOF = 2.0
@@ -33,9 +31,6 @@ FEWEST_DOF = 2.0
 
 NOT_EXCLUDED = 1.96**-2.0
 """Of the square of what a rival in doubt would make of the bias, in its variance: the 95 % interval reaches it."""
-
-OF_TOOL = slice(0, 10)
-"""Of the parameters: weight, com, bias."""
 
 FOUND_AT_POSES = (Kind.TWO_LEVELS, Kind.CREEP)
 """Errors that another orientation has anew, by what is found at the poses."""
@@ -54,7 +49,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     weight = np.exp(log_all - np.logaddexp.reduce(log_all))
     steps, within = np.zeros((len(weight), len(names))), np.zeros((len(names), len(names)))
     own_variance, last_biases = np.zeros_like(steps), [_last_bias(problem, table) for table in tables]
-    for (table, here), (mean, of_mean, own) in zip(_members(tables), last_biases, strict=True):
+    for (table, here), (mean, of_mean, own) in zip(each_with_place(tables), last_biases, strict=True):
         m, share = table.members, weight[here]
         steps[here, columns] = m.step
         steps[here, bias] = mean - (of_mean @ m.step[:, :, None])[:, :, 0]
@@ -70,7 +65,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     moved = stepped(tool, step, names)
     axes = small_change_about(tool, moved, names)
     off = steps - step
-    off_by_tilt = _off_by_exactness(tables, weight, off**2 + own_variance)
+    believed = None if plain and not auto else beliefs_of(problem, tables, weight, off, own_variance)
     covariance = axes @ (within + (weight * off.T) @ off) @ axes.T
     of_axes, spread = _of_axes(problem, first)
     of_axes = axes @ of_axes @ axes.T
@@ -108,23 +103,8 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
         of_robot=of_turns,
         gain_covariance=0.5 * (of_B + of_B.T) if of_B.any() else None,
-        beliefs=None if plain and not auto else _beliefs(problem, tables, weight, errors, off_by_tilt),
+        beliefs=believed,
     )
-
-
-def _off_by_exactness(tables: list[Table], weight: Array, squared: Array) -> tuple[float, float]:
-    """Of mounting and base: by how many std the weight, com or bias is off, RMS, where that one is exactly nominal and
-    was mostly taken not to be, or the other way round; 0 where that is as good as excluded. At most the root of 1 over
-    its probability, as the std counts it too. `squared` (m, p): how far the parameters of each member are off the mean.
-    """
-    exact = np.array([table.hypotheses[h].exact for table in tables for h in table.members.hypothesis])
-    total, off = weight @ squared[:, OF_TOOL], []
-    for is_exact in exact.T:
-        rival = is_exact if weight[is_exact].sum() < 0.5 else ~is_exact
-        share = float(weight[rival].sum())
-        of_rival = weight[rival] @ squared[rival, OF_TOOL] / max(share, EXCLUDED)
-        off.append(float(np.sqrt(np.max(of_rival / np.maximum(total, 1e-300)))) * (share > EXCLUDED))
-    return off[0], off[1]
 
 
 def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Array:
@@ -133,7 +113,7 @@ def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Ar
     are on. What no reading excludes is in the std.
     """
     added, stepping = np.zeros((6, 6)), any(drift.kind is Kind.BIAS_STEPPED for drift in problem.kernels.drifts)
-    for table, here in _members(tables):
+    for table, here in each_with_place(tables):
         out = np.flatnonzero(~table.kept)
         if not len(out):
             continue
@@ -147,19 +127,12 @@ def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Ar
     return added
 
 
-def _members(tables: list[Table]) -> Iterator[tuple[Table, slice]]:
-    """Each table with the place of its members among those of all."""
-    offset = 0
-    for table in tables:
-        yield table, slice(offset, offset := offset + len(table.members.kernel))
-
-
 def _of_what_differs_anew(problem: Problem, tables: list[Table], weight: Array) -> Array:
     """What a field over orientations, two levels of the bias, creep or turns add to the variance (6,) of a reading:
     at a new orientation it is there anew.
     """
     added = np.zeros(6)
-    for table, here in _members(tables):
+    for table, here in each_with_place(tables):
         added += weight[here] @ table.members.turn**2 * variance_of_turns(table.tool, problem.R_base_flange)
         for member, share in enumerate(weight[here]):
             drift, strength = table.kernel_of(member)
@@ -250,48 +223,3 @@ def _reduced_chi2(problem: Problem, residuals: Array, readings: PoseReadings, le
     if not known.any():
         return 1.0
     return float(np.sum(residuals[known] ** 2 / readings.variance[known])) / left
-
-
-def _beliefs(
-    problem: Problem, tables: list[Table], weight: Array, errors: Array, off_by_tilt: tuple[float, float]
-) -> Beliefs:
-    """Probabilities, read off the members."""
-    judged = problem.question.model == "auto" and problem.question.earlier is None
-    hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
-    tilts = np.array([(*h.exact, judged and h.mount is None, judged and h.base is None) for h in hypotheses])
-    mounting_exact, base_exact, any_mounting, any_base = (weight @ tilts).tolist()
-    of_table = [float(weight[here].sum()) for _, here in _members(tables)]
-    kinds = np.concatenate([table.kinds for table in tables])
-    of_kind = {kind: float(weight[kinds == kind].sum()) for kind in dict.fromkeys(kinds) if kind is not None}
-    turn = np.concatenate([table.members.turn for table in tables])
-    of_kind[Kind.ROBOT] = float(weight[turn > 0.0].sum())
-
-    def likeliest(some: Set[Kind]) -> tuple[Drift | None, Array]:
-        """The likeliest drift of these kinds, and what each pose's bias was off by it, (n, 6)."""
-        of_drift: dict[int, list[tuple[float, Drift, Table, int]]] = {}
-        for table, here in _members(tables):
-            for k in np.flatnonzero([kind in some for kind in table.kinds]).tolist():
-                drift = table.kernel_of(k)[0]
-                of_drift.setdefault(id(drift), []).append((float(weight[here][k]), drift, table, k))
-        if not of_drift:
-            return None, np.zeros_like(problem.wrench)
-        members = max(of_drift.values(), key=lambda each: sum(share for share, *_ in each))
-        _, drift, table, k = max(members, key=lambda member: member[0])
-        return drift, explained(problem, table, k)[1]
-
-    drift, change = likeliest(BIAS_MOVED)
-    return Beliefs(
-        outlying=of_table @ np.array([~table.kept for table in tables]),
-        moved={kind: share for kind, share in of_kind.items() if kind in BIAS_MOVED},
-        drift=drift,
-        change=change,
-        with_orientation={kind: share for kind, share in of_kind.items() if kind not in BIAS_MOVED},
-        levels=likeliest({Kind.TWO_LEVELS})[1],
-        turn=float(np.sqrt(weight @ turn**2 / max(of_kind[Kind.ROBOT], EXCLUDED))),
-        mounting_exact=mounting_exact,
-        base_exact=base_exact,
-        off_by_mounting=off_by_tilt[0] * judged,
-        off_by_base=off_by_tilt[1] * judged,
-        any_mounting=any_mounting,
-        any_base=any_base,
-    )

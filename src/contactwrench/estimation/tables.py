@@ -7,6 +7,7 @@ solution and its evidence.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -290,3 +291,10 @@ def _bent(problem: Problem, table: Table, step: Array, moved: RigidTool) -> floa
 def near_kernels(tables: list[Table]) -> NDArray[np.intp]:
     """The kernels that count in a table, and a steady bias."""
     return np.unique(np.concatenate([[0], *(table.members.kernel for table in tables)]))
+
+
+def each_with_place(tables: list[Table]) -> Iterator[tuple[Table, slice]]:
+    """Each table with the place of its members among those of all."""
+    offset = 0
+    for table in tables:
+        yield table, slice(offset, offset := offset + len(table.members.kernel))
