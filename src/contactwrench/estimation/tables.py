@@ -36,9 +36,6 @@ FAR = 10.0
 NEAR = 12.0
 """The same after a rough look, kernels and hypotheses apart."""
 
-FAR_BEFORE_CENTRED = 20.0
-"""The same of all members together, where they are linearised elsewhere."""
-
 LOOK = 2
 """Passes of a rough look."""
 
@@ -246,15 +243,17 @@ def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None) 
 
 
 def settled_beside(problem: Problem, first: Table) -> Table | None:
-    """The table of all poses, near where the `first` is; None where it comes nowhere near that, looked at with turns of
-    the robot where that one has them.
-    """
+    """The table of all poses near the `first`, with turns if that has any; None where it comes nowhere near."""
     kept, kernels = np.ones(len(first.kept), dtype=bool), np.arange(len(problem.kernels.drift))
     table, with_turns = _untouched(problem, first.tool, kept, first.hypotheses, kernels), first.members.robot.max() >= 0
     table = _with_turns(problem, table, kernels) if with_turns else table
-    if _weighed(problem, table).log_evidence < first.log_evidence - FAR_BEFORE_CENTRED:
+    if _weighed(problem, table).log_evidence < first.log_evidence - 2.0 * FAR:  # linearised elsewhere
         return None
-    return _weighed(problem, _centred(problem, table, None)) if with_turns else _turns_last(problem, table, None)
+    if with_turns:
+        return _weighed(problem, _centred(problem, table, None))
+    table = _centred(replace(problem, robot=()), table, None)
+    near = _weighed(problem, table).log_evidence > first.log_evidence - FAR
+    return _turns_last(problem, table, None) if near else None
 
 
 def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> Table:
