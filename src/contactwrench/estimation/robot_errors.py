@@ -116,24 +116,6 @@ def likely_with(
     return list(found.values())
 
 
-def still_likely(
-    linear: Linear, base: AlikeOnAxes, turns: Turns, kernels: Kernels, nearby: Members
-) -> list[tuple[int, Optimum]]:
-    """The same where all is linearised close to where members `nearby` were found, with turns: only these, from there
-    on.
-    """
-    found: list[tuple[int, Optimum]] = []
-    for k, first in zip(*np.unique(nearby.kernel, return_index=True), strict=True):
-        drift = kernels.drifts[kernels.drift[k]]
-        there = replace(
-            base, variance=nearby.variance[first], columns=drift.columns, strength=float(nearby.strength[first])
-        )
-        optimum = at_optimum(linear, Turned(there, turns, float(nearby.turn[first])), drift)
-        if shows(optimum.V):
-            found.append((int(k), optimum))
-    return found
-
-
 def _with_drift(base: AlikeOnAxes, kernels: Kernels, k: int) -> AlikeOnAxes:
     return replace(base, columns=kernels.drifts[kernels.drift[k]].columns, strength=float(kernels.strength[k]))
 

@@ -27,7 +27,7 @@ from .least_squares import Members, Priors, gram, solved
 from .moments import moments_of
 from .outliers import log_density_outlying, log_prior_outlying
 from .problem import Problem
-from .robot_errors import ODDS, likely_with, still_likely, turns_across_gravity
+from .robot_errors import ODDS, likely_with, turns_across_gravity
 from .variance_components import Linear, members_of
 
 FAR = 10.0
@@ -138,10 +138,8 @@ def _untouched(
     return Table(tool, priors, hypotheses, kept, problem.kernels, _near(members))
 
 
-def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby: Members | None = None) -> Table:
-    """The same, and the members in which the robot's orientation is off beside one of the kernels `among`: beside those
-    of which there is one in the same table `nearby`, and begun there.
-    """
+def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp]) -> Table:
+    """The same, and the members in which the robot's orientation is off beside one of the kernels `among`."""
     if not problem.robot:
         return table
     kept, tool, m = table.kept, table.tool, table.members
@@ -151,11 +149,7 @@ def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby:
     log_odds, untouched = float(np.log(ODDS / len(problem.robot))), m
     for robot, alike in enumerate(problem.robot):
         turns = turns_across_gravity(tool, problem.R_base_flange, alike, kept)
-        if nearby is None:
-            likely = likely_with(linear, base, turns, problem.kernels, untouched, among)
-        else:
-            likely = still_likely(linear, base, turns, problem.kernels, nearby.select(nearby.robot == robot))
-        for k, optimum in likely:
+        for k, optimum in likely_with(linear, base, turns, problem.kernels, untouched, among):
             own = optimum.V.base
             size = problem.kernels.log_plausible(np.array([k]), np.array([own.strength]), own.of_forces, tool.weight)
             log_prior = log_odds + float(size[0] + problem.kernels.log_prior[k])
@@ -265,9 +259,8 @@ def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> 
             break
         std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
         anew = bent > BENT or float(np.max(np.abs(step) / std)) > LONG_WAY
-        near, nearby = (among, None) if anew else (near_kernels([table]), table.members)
-        near = _seen(problem, table.kept, near)
-        table = _with_turns(problem, _untouched(problem, moved, table.kept, table.hypotheses, near), near, nearby)
+        near = _seen(problem, table.kept, among if anew else near_kernels([table]))
+        table = _with_turns(problem, _untouched(problem, moved, table.kept, table.hypotheses, near), near)
     return table
 
 
