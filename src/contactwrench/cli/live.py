@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from contextlib import ExitStack
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
@@ -116,6 +117,7 @@ def live(
     sources = _sources(sensor, robot, recorded, speed)
     wish = _wish(wanted, poses, sign, gravity, sources["sensor"].uri, arm)
     running = Options(lowpass, drift, _ranges(ranges))
+    sinks, recorder = [sink_of(each) for each in out or ()], None if record is None else Recorder(record)
     hub = Hub()
     hands = None if lab is None else Hands(lab, hub)
     sys.setswitchinterval(SWITCH)
@@ -141,18 +143,17 @@ def live(
         server = serve(hub, host, port, lab=hands) if page else None  # before a file is begun
         if server is not None:
             stack.callback(server.close)
-        patient = speed == 0.0
-        outlets = tuple(open_sink(sink_of(each), patient=patient) for each in out or ())
-        recorder = None if record is None else open_sink(Recorder(record), patient=patient)
+        opened = partial(open_sink, patient=speed == 0.0)
+        outlets, keeper = tuple(map(opened, sinks)), None if recorder is None else opened(recorder)
         session.recording = None if record is None else True
         if known is None:
             _compiling(0.0, first)  # while a person is at the wizard
         publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
-        pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
+        pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, keeper))
         if server is not None:
             options.say(f"Open {server.url}")
             sys.stdout.flush()
-        _until_a_signal(pump, hub if wizard else None, page)
+        _until_a_signal(pump, hub if wizard else None, page, "" if recorded is None else f"the end of {recorded} or ")
 
 
 def _sources(sensor: str | None, robot: str | None, recorded: Path | None, speed: float) -> dict[str, Source]:
@@ -236,14 +237,14 @@ def _saving(output: Path | None, sensor: About, robot: About, force: bool) -> Ca
     return save
 
 
-def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
+def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool, end: str) -> None:
     """Run until Ctrl-C, a signal, or the end of a recording that no page shows; then end in order, by that signal."""
     from .live_terminal import Terminal
 
     with caught() as came:
         guide = None if terminal is None else Terminal(terminal)
         if not (page or terminal):
-            options.say("Running until Ctrl-C.", err=True)
+            options.say(f"Running until {end}Ctrl-C.", err=True)
         _settle()
         try:
             pump.start()
