@@ -293,7 +293,7 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
     right = run(capsys, "diagnose", PANDA)
     assert right.status == 0
     assert right.out.splitlines()[:5] == [
-        "as given: 0.26 N left; no other reading explains it better: the file is read rightly",
+        "as given: 0.26 N left; no other reading explains it better: it is read rightly, units apart",
         "",
         f"17 poses, 1872 interpretations tried, {PANDA}",
         "",

@@ -83,7 +83,7 @@ def test_the_reading_that_was_meant_is_the_most_plausible(
 def test_a_tool_that_can_be_is_left_alone(tmp_path: Path) -> None:
     """The other units are listed beside it, and what speaks against reversed torques."""
     diagnosis = diagnosed(tmp_path, 1.0, 1.0)
-    assert verdict(diagnosis).endswith("; no other reading explains it better: the file is read rightly")
+    assert verdict(diagnosis).endswith("; no other reading explains it better: it is read rightly, units apart")
     head = "Free air cannot tell these from the first (plausible) either; weigh the tool:\n"
     columns, *plausible, _, reversed_ = diagnosis_text(diagnosis).partition(head)[2].splitlines()
     assert len(plausible) == len([each for each in diagnosis.unseen if not each.odd and REVERSED not in each.label])

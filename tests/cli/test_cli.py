@@ -265,6 +265,10 @@ USAGE = [
         ["calibrate", "gone.csv"],
         "gone.csv: there is no such file, expected a readable file: check the path",
     ),
+    (
+        ["calibrate", ""],
+        "found an empty argument, expected a file or a value: is a variable of the shell not set?",
+    ),
     (["show", "gone.json"], "gone.json: there is no such file, expected a readable file: check the path"),
 ]
 

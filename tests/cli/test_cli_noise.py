@@ -46,7 +46,7 @@ def test_a_file_is_a_recording_at_rest_read_with_the_same_options(tmp_path: Path
     assert np.array_equal(cw.Calibration.load(tool).covariance, cw.calibrate(read[0], noise=read[1]).covariance)
 
 
-@pytest.mark.parametrize("noise", ["0", "-1", "nan", "inf"])
+@pytest.mark.parametrize("noise", ["0", "-1", "nan", "inf", "0.1N"])
 def test_a_noise_that_is_none(capsys: Capture, poses: Path, noise: str) -> None:
     complaint = run(capsys, "calibrate", poses, f"--noise={noise}").complaint
     assert complaint == f"--noise is {noise}, expected 1e-09 to 1e+06 N, or a recording of a sensor at rest"

@@ -21,21 +21,39 @@ def _streams(seconds: float = 40.0) -> tuple[Array, Array, Array]:
     return t, readings(rig, held) + NOISE * rng.normal(size=(len(t), 6)), quat(held)
 
 
-@pytest.mark.parametrize(("unit", "per_s"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
-def test_times_that_are_no_seconds_are_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, per_s: float
-) -> None:
+def _timed(tmp_path: Path, per_s: float) -> Path:
     t, wrench, q = _streams()
-    path = written(tmp_path, csv_text(("Time", *WRENCH, *QUAT), np.column_stack([per_s * t, wrench, q])))
+    return written(tmp_path, csv_text(("Time", *WRENCH, *QUAT), np.column_stack([per_s * t, wrench, q])))
+
+
+def test_times_that_are_likely_no_seconds_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, tool = _timed(tmp_path, 1e3), tmp_path / "tool.json"
     said = (
-        f"Note: the times Time are likely in {unit}: read as s, 800 rows come {0.05 * per_s:g} s apart: read them with "
-        f"--units time={unit}; if they are seconds, say --units time=s\n"
+        "Note: the times Time are likely in ms: read as s, 800 rows come 50 s apart: read them with --units time=ms; "
+        "if they are seconds, say --units time=s\n"
     )
-    tool = tmp_path / "tool.json"
     assert said in run(capsys, "calibrate", path, "-o", tool, "--model", "mount").err
     for verb in ("compensate", "verify"):
         assert said in run(capsys, verb, path, "-c", tool).err
-        assert "likely in" not in run(capsys, verb, path, "-c", tool, "--units", f"time={unit}").err
+        assert "likely in" not in run(capsys, verb, path, "-c", tool, "--units", "time=ms").err
+
+
+@pytest.mark.parametrize(("unit", "per_s"), [("us", 1e6), ("ns", 1e9)])
+def test_times_for_which_nobody_waits_are_refused_unless_they_are_stated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, per_s: float
+) -> None:
+    tool = tmp_path / "tool.json"
+    assert run(capsys, "calibrate", _timed(tmp_path, 1.0), "-o", tool, "--model", "mount").status == 0
+    path = _timed(tmp_path, per_s)
+    said = (
+        f": found 800 rows {0.05 * per_s:g} s apart by the times Time, expected seconds: read them with --units "
+        f"time={unit}; if they are seconds, say --units time=s\n"
+    )
+    for arguments in (("calibrate", path), ("compensate", path, "-c", tool), ("verify", path, "-c", tool)):
+        refused = run(capsys, *arguments)
+        assert (refused.status, refused.err.endswith(said)) == (2, True)
+        assert said not in run(capsys, *arguments, "--units", f"time={unit}").err
+        assert said not in run(capsys, *arguments, "--units", "time=s").err
 
 
 @pytest.mark.parametrize("t", [np.arange(0.0, 40.0, 0.05), np.arange(0.0, 2000.0, 10.3), np.arange(0.0, 2000.0, 10.0)])

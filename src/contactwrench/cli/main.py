@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import typer
 
-from ..errors import BEFORE, ContactWrenchError, shortened, visible
+from ..errors import BEFORE, ContactWrenchError, InputError, shortened, visible
 from ..version import __version__
 from .calibrate import calibrate
 from .compensate import compensate
@@ -102,6 +102,8 @@ def main(program: typer.Typer = app, name: str = "contactwrench") -> None:
 def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
     """Run the program: its exit status. What is an error of the program itself is raised."""
     try:
+        if "" in sys.argv[1:]:
+            raise InputError("found an empty argument, expected a file or a value: is a variable of the shell not set?")
         status = program(prog_name=name, standalone_mode=False)
         sys.stdout.flush()
     except (BrokenPipeError, SystemExit):  # the reader has seen enough; typer makes the first into the second

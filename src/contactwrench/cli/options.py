@@ -77,7 +77,9 @@ def noise_or_file(text: str, what: str) -> Array | Path:
     try:
         std = float(text)
     except ValueError:
-        return Path(text)
+        if text[:1] not in "0123456789+-." or Path(text).exists():
+            return Path(text)
+        std = np.nan
     if len(NOISE.outside(np.array([std]))):
         raise InputError(f"--noise is {text}, expected {NOISE}, or a recording of {what}")
     return with_torques(std)

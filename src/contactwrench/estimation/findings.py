@@ -176,8 +176,8 @@ def _advice(fit: Estimate, readings: PoseReadings, weakest: str) -> str:
     if s[-1] < WELL_SPREAD * s[0]:
         return advice_on_poses(tool, fit.covariance, fit.noise, fit.names, weakest, readings.R_base_flange)
     return (
-        f"the poses are well spread, yet {fit.force_left:.2g} N are left in them: check that the arm was still and "
-        "free, and try contactwrench diagnose; a light tool needs more poses"
+        f"the poses are well spread, yet {fit.force_left:.2g} N and {1e3 * fit.torque_left:.2g} mN m are left in them: "
+        "check that the arm was still and free, and try contactwrench diagnose; a light tool needs more poses"
     )
 
 

@@ -56,7 +56,8 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
             break
         clean = again
     near = near_kernels(list(tables.values()))
-    for start in sorted(tables.values(), key=lambda table: -table.log_evidence)[:2]:
+    starts = 2 if len(everything) <= MANY else 1
+    for start in sorted(tables.values(), key=lambda table: -table.log_evidence)[:starts]:
         now = start
         for _ in range(len(everything)):
             flips = [tried(kept, now.tool, near) for kept in _flips(problem, now)]
@@ -109,26 +110,24 @@ def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDA
 
 
 def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
-    """Sets of poses that differ in one: the kept pose furthest off, the pose left out that is nearest."""
+    """Sets of poses that differ in one: the kept pose furthest off, the pose left out that is nearest. Of `MANY` poses
+    all that are off half as far, and all left out that nobody would doubt.
+    """
     member, m = table.best, table.members
     distance, dof = deleted_distances(problem, table), float(m.dof[member].sum())
     if m.robot[member] >= 0:  # of the noise alone
         dof = 6.0 * int(table.kept.sum()) - len(problem.names)
     distance = distance * max(dof - 6.0, 1.0) / np.maximum(dof - distance, 1e-3)  # in noise that counts it is less
-    sets = []
-    kept = table.kept
-    worst = int(np.argmax(np.where(kept, distance, -np.inf)))
-    if distance[worst] > DOUBTED and np.isfinite(log_prior_outlying(len(kept), int(np.sum(~kept)) + 1)):
-        flipped = kept.copy()
-        flipped[worst] = False
-        sets.append(flipped)
+    sets, kept, many = [], table.kept, len(table.kept) > MANY
+    furthest = float(distance[kept].max())
+    far = kept & (distance >= (max(0.5 * furthest, DOUBTED) if many else furthest))
+    if furthest > DOUBTED and np.isfinite(log_prior_outlying(len(kept), int(np.sum(~kept | far)))):
+        sets.append(kept & ~far)
     if not kept.all():
         left, *known = explained(problem, table, member)
         squared = np.sum((left - sum(known)) ** 2 / m.variance[member], axis=1)
-        nearest = int(np.argmin(np.where(kept, np.inf, squared)))
-        flipped = kept.copy()
-        flipped[nearest] = True
-        sets.append(flipped)
+        nearest = float(squared[~kept].min())
+        sets.append(kept | (squared <= (max(nearest, 0.5 * DOUBTED) if many else nearest)))
     return sets
 
 

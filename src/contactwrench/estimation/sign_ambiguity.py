@@ -28,6 +28,7 @@ from .rigid import estimated
 FEWEST_POSES_WITH_BASE = 4
 HELD_GRAVITY = ("yaw", "mount")
 PAPER_HINT = "--model mount (paper takes the sensor's z along the flange's), "
+MEND = "mend mirrored or exchanged axes"
 LEAST_LEFT = 0.5
 """Degrees of freedom: with fewer left, residuals say nothing about the noise."""
 
@@ -143,10 +144,7 @@ def check_sign(estimate: RigidEstimate, readings: PoseReadings, model: str, ques
     if left_negated < 0.5 * left and _fits_worse(residuals, rival.noise, rival.errors, dof):
         left_so = f"{left:.3g} N left as given, {left_negated:.3g} N negated"
         found = f"only a negative weight explains these readings ({left_so})"
-        either = (
-            f"say --sign reaction or --gravity {negated(stated)}, mend a mirrored axis, or subtract no payload that is "
-            "heavier than the tool"
-        )
+        either = f"say --sign reaction or --gravity {negated(stated)}, {MEND}, or subtract no payload"
         raise _contradiction(found, either, rival.tool.weight, left_negated)
     explained = estimate.tool.weight > SURE_WEIGHT * float(np.sqrt(estimate.covariance[0, 0]))
     on_stated_side = rival.gravity_direction @ stated >= 0.0
@@ -172,7 +170,7 @@ def require_positive_weight(weight: float, gravity_direction: Array, left: float
     """
     if weight <= 0.0:
         found = f"the weight comes out as {weight:.3g} N, expected above 0"
-        either = f"say {hint}--sign reaction or --gravity {negated(gravity_direction)}"
+        either = f"say {hint}--sign reaction or --gravity {negated(gravity_direction)}, or {MEND}"
         raise _contradiction(found, either, weight, left)
 
 

@@ -44,7 +44,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         return f"{as_given}; no other reading explains it better, {no_tool}"
     if diagnosis.likely:
         return f"{as_given}; other readings explain it as well, and free air cannot tell them apart"
-    return f"{as_given}; no other reading explains it better: the file is read rightly"
+    return f"{as_given}; no other reading explains it better: it is read rightly, units apart"
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:

@@ -106,11 +106,8 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
             )
         try:
             text = content.decode("utf-8-sig" if row == 1 else "utf-8")
-        except UnicodeDecodeError as error:
-            where = row + content.count(b"\n", 0, error.start)
-            raise FileFormatError(
-                f"{source}: row {where}: found a byte that is no UTF-8, expected UTF-8: save it as that"
-            ) from None
+        except UnicodeDecodeError:  # names and remarks in the code of Windows; no number has such a byte
+            text = content.decode("cp1252", errors="replace")
         text = text.replace("\N{MINUS SIGN}", "-")
         if "\r" in text:
             text = text.replace("\r\n", "\n").replace("\r", "\n")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...errors import InputError
 from ...files import TEXT_AT_ONCE, name_of, open_bytes
 from ...geometry.arrays import Array
 from .columns import FLAW, Naming, shown
@@ -32,6 +33,10 @@ FEWEST_TIMES, SLOWEST_STEP, LONGEST = 200, 1.0, 1e4
 """So many times, of which the middle step is of so many s or more, are likely in another unit: where they are whole
 numbers, or go on for longer than so many s.
 """
+
+
+LONGEST_WAIT = 600.0
+"""s from row to row."""
 
 
 def turns_little(R_base_flange: Array) -> bool:
@@ -83,7 +88,7 @@ def end_in_doubt(path: str | Path) -> str:
 
 def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
     """What to say of a table's times (n,), read as s, if that is likely not their unit; empty where nothing is in
-    doubt, or where file or flags state the unit.
+    doubt, or where file or flags state the unit. Raises `InputError` where nobody waits so long from row to row.
     """
     if t is None or len(t) <= FEWEST_TIMES or not np.isfinite(t).all():
         return ""
@@ -94,7 +99,9 @@ def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
     if not columns or columns[0].unit:
         return ""
     unit = next((unit for longest, unit in ((1e3, "ms"), (1e6, "us")) if step < longest), "ns")
-    return (
-        f"the times {shown(columns[0].name)} are likely in {unit}: read as s, {len(t)} rows come {step:g} s apart: "
-        f"read them with --units time={unit}; if they are seconds, say --units time=s"
-    )
+    to_do = f"read them with --units time={unit}; if they are seconds, say --units time=s"
+    if step > LONGEST_WAIT:
+        where = f"{name_of(path)}: found {len(t)} rows {step:g} s apart by the times {shown(columns[0].name)}"
+        raise InputError(f"{where}, expected seconds: {to_do}")
+    seen = f"read as s, {len(t)} rows come {step:g} s apart"
+    return f"the times {shown(columns[0].name)} are likely in {unit}: {seen}: {to_do}"
