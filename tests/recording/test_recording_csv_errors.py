@@ -53,6 +53,14 @@ def test_files_without_a_table(tmp_path: Path, content: str | bytes, message: st
     assert refusal(written(tmp_path, content)) == message
 
 
+@pytest.mark.parametrize(("remark", "unit"), [("Units: lbf, in-lb", "lbf"), ("torque=N mm", "N mm")])
+def test_a_unit_above_the_header_is_named(tmp_path: Path, remark: str, unit: str) -> None:
+    assert refusal(written(tmp_path, f"Log 2\n{remark}\n{QUAT_TABLE}")) == (
+        f"row 2: found the unit {unit} above the header, expected it beside the names, as in fx [{unit}]: write it "
+        "there, and # before that row"
+    )
+
+
 ALL_BUT = "expected fx fy fz tx ty tz and an orientation: add it, or name the six with --wrench-columns A,B,C,D,E,F"
 
 

@@ -9,9 +9,10 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from ...errors import FileFormatError
-from .units import UNITS, unit_of
+from .units import UNITS, per_si, unit_of
 
 SEPARATORS = ("\t", ";", ",", " ")
 """A blank stands for any number of them."""
@@ -25,6 +26,9 @@ readings is taken for units.
 """
 
 NO_UNIT = ("", "-", "1")
+
+MOST_REMARKS, FEWEST_NUMBERS = 50, 6
+"""Rows above the header; and numbers in a row, a wrench at least."""
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -60,6 +64,7 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
         rows = rows[1:]
     if not rows:
         return None
+    rows = _below_remarks(rows, source)
     row, header = rows[0]
     data = [line for _, line in rows[1:]]
     if any(_numbers_in(each := split(header, mark)) == len(each) > 0 for mark in SEPARATORS):
@@ -71,6 +76,27 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
         names = [f"{name} [{unit}]" if unit not in NO_UNIT else name for name, unit in zip(names, units, strict=True)]
         row, data = rows[1][0], data[1:]
     return row, Layout(tuple(names), separator, _decimal(data, separator))
+
+
+def _below_remarks(rows: list[tuple[int, str]], source: str) -> list[tuple[int, str]]:
+    """The rows from the header on, the first that is as wide as the first one of numbers: loggers write of themselves
+    above it. Raises `FileFormatError` where they state a unit there that nobody would read.
+    """
+    each = ((k, mark, split(line, mark)) for k, (_, line) in enumerate(rows[:MOST_REMARKS]) for mark in SEPARATORS)
+    k, mark, width = next(
+        ((k, mark, len(found)) for k, mark, found in each if _numbers_in(found) >= FEWEST_NUMBERS), (0, "", 0)
+    )
+    header = next((j for j in range(k) if len(split(rows[j][1], mark)) == width), 0)
+    for row, line in rows[:header]:
+        words = re.findall(r"[^\s:;,=()\[\]]+", line)
+        for word in (*words, *map(" ".join, pairwise(words))):
+            units = [unit for of in ("force", "torque") if (unit := unit_of(of, word)) and per_si(of, unit) != 1.0]
+            if units:
+                raise FileFormatError(
+                    f"{source}: row {row}: found the unit {word} above the header, expected it beside the names, as in "
+                    f"fx [{units[0]}]: write it there, and # before that row"
+                )
+    return rows[header:]
 
 
 def _named_by_comment(above: Sequence[str], data: Sequence[str], row: int, source: str) -> Layout:
