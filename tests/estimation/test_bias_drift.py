@@ -48,8 +48,12 @@ def test_a_step_may_have_been_before_any_pose_and_a_steady_bias_is_likelier() ->
     assert np.exp(log_prior).sum() < np.exp(kernels.log_prior[0])
 
 
-def test_where_the_order_says_nothing_or_poses_are_few_nothing_moves() -> None:
-    assert possible_drifts(None, 24) == ([], [])
+def test_without_times_large_steps_alone_are_looked_for_and_of_few_poses_nothing() -> None:
+    large, log_prior = possible_drifts(None, 24)
+    assert [drift.first_after for drift in large] == list(range(2, 23))
+    assert min(drift.strengths[0] for drift in large) > 30.0
+    assert np.exp(log_prior).sum() == pytest.approx(0.045)
+    assert possible_drifts(None, 3) == ([], [])
     assert possible_drifts(np.arange(3.0), 3) == ([], [])
     steady = kernels_of(24, [], [])
     assert (len(steady.drift), steady.log_prior.tolist()) == (1, [0.0])

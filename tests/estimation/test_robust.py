@@ -163,14 +163,42 @@ def test_a_step_among_bumped_poses() -> None:
     assert finding.text.startswith("the bias stepped before pose 12 (t = 110 s) by up to 2 N and ")
 
 
-def test_poses_of_which_nobody_knows_the_order_tell_of_no_step() -> None:
-    """The same step in a table without times is noise, or poses are left out for it, and the answer is not sure."""
+def test_a_step_in_rows_without_times_is_in_doubt_and_in_another_order_it_is_none() -> None:
+    """A new zero half-way is told, as long as the rows are in order; shuffled, the answer is not sure."""
     rig, R, rng = _rig(7)
     wrench = noisy_readings(rig, R, NOISE, rng)
     wrench[:11] += np.array([1.0, 1.0, -2.0, 0.0, 0.05, 0.0])
     calibration = cw.calibrate(cw.Samples(wrench, R))
+    (finding,) = _of_bias(calibration)
+    assert finding.text.startswith("doubtful: the bias stepped before pose 12 by up to 2 N and ")
+    assert finding.text.endswith(": the last bias is given, if the rows are in order: give their times (a column t)")
+    assert calibration.verdict == "doubtful"
+    assert calibration.weight == pytest.approx(rig.weight, abs=0.05)
+    assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.5
+    other = rng.permutation(len(R))
+    calibration = cw.calibrate(cw.Samples(wrench[other], R[other]))
     assert _of_bias(calibration) == []
     assert calibration.verdict != "good"
+
+
+def test_a_bias_that_wanders_through_rows_without_times_is_in_doubt() -> None:
+    """A walk of 4 noise std a pose, which the readings leave in order; shuffled, nobody can tell it."""
+    doubted = {"walk": 0, "shuffled": 0, "steady": 0}
+    text = "doubtful: what is left in one pose is left in the next too (correlation {}), as of a bias that moves: give "
+    for seed in range(10):
+        rig, R, rng = _rig(seed)
+        R = R[:10]
+        steady = noisy_readings(rig, R, NOISE, rng)
+        walk = steady + np.cumsum(4.0 * NOISE * rng.normal(size=(10, 6)), axis=0)
+        other = rng.permutation(10)
+        for name, wrench, poses in (("walk", walk, R), ("shuffled", walk[other], R[other]), ("steady", steady, R)):
+            findings = cw.calibrate(cw.Samples(wrench, poses)).findings
+            for said in (f.text for f in findings if f.kind is Kind.DRIFT_IN_DOUBT and "may have" not in f.text):
+                doubted[name] += 1
+                correlation = said.partition("(correlation ")[2].partition(")")[0]
+                assert said == text.format(correlation) + "the times in a column t"
+    assert doubted["walk"] >= 3
+    assert doubted["steady"] == doubted["shuffled"] == 0
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ motion has a prior probability, and the answer is the mean over all of them by e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,12 @@ STRENGTHS_OF_MANY = STRENGTHS[STRENGTHS < MOST_OF_MANY]
 
 ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.4, Kind.BIAS_STEPPED: 0.09}
 """Before the readings, against a steady bias and independent errors; of a step, that it happened anywhere."""
+
+ROWS_IN_ORDER = 0.5
+"""That rows without times are in the order in which they were taken."""
+
+LARGE = 30.0
+"""Times the noise of a pose: smaller steps of rows without times would make their order count where nothing moved."""
 
 ONLY_THE_LAST = 0.05
 """Of the odds of a step elsewhere, those of one before the last pose: what one pose alone shows is a contact, in nearly
@@ -61,17 +67,19 @@ backlash move a reading by some percent of the weight."""
 @dataclass(frozen=True, eq=False)
 class Drift:
     """One way to move: the `kind` of finding (None: steady), `columns` (n, q) that the change is made of, zero at the
-    last pose, and of a step the index of the first pose after it.
+    last pose, of a step the index of the first pose after it, and the `least` strength that is looked for.
     """
 
     kind: Kind | None
     columns: Array
     first_after: int | None = None
+    least: float = 0.0
 
     @property
     def strengths(self) -> Array:
         """How strong it may be, in units of the noise."""
-        return STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS_OF_MANY
+        strengths = STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS_OF_MANY
+        return strengths[strengths >= self.least]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,22 +113,26 @@ class Kernels:
         """The same for some of the poses (n,)."""
         if kept.all():
             return self
-        drifts = tuple(Drift(drift.kind, drift.columns[kept], drift.first_after) for drift in self.drifts)
+        drifts = tuple(replace(drift, columns=drift.columns[kept]) for drift in self.drifts)
         return Kernels(drifts, self.drift, self.strength, self.log_prior)
 
 
 def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float]]:
-    """How the bias of n poses may have moved, and the logarithm of the odds of each; `time` (n,) s, None where the
-    order of the poses says nothing.
+    """How the bias of n poses may have moved, and the logarithm of the odds of each; `time` (n,) s, None where nobody
+    knows the order of the poses: then by a step alone that is large, as of a sensor that is zeroed anew.
     """
-    if time is None or n <= FEWEST_POSES:
+    if n <= FEWEST_POSES:
         return [], []
+    if time is None:
+        places = _places(n)[1:-1]
+        odds = ODDS[Kind.BIAS_STEPPED] * ROWS_IN_ORDER / max(len(places), 1)
+        return [_step(n, int(k), LARGE) for k in places], [float(np.log(odds))] * len(places)
     before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
     drifts = [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)) for tau in TIME_CONSTANTS]
     each = [float(np.log(ODDS[Kind.BIAS_DRIFTED] / len(drifts)))] * len(drifts)
     places = _places(n)
     drifts.append(Drift(Kind.BIAS_WANDERED, _wandering(before)))
-    drifts += [Drift(Kind.BIAS_STEPPED, (np.arange(n) < k)[:, None].astype(np.float64), int(k)) for k in places]
+    drifts += [_step(n, int(k), 0.0) for k in places]
     each.append(float(np.log(ODDS[Kind.BIAS_WANDERED])))
     each += [float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places)))] * (len(places) - 1)
     each.append(float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places) * ONLY_THE_LAST)))
@@ -138,6 +150,11 @@ def kernels_of(n: int, drifts: list[Drift], log_prior: list[float], steady: bool
         np.r_[0.0, np.repeat(np.array(log_prior, dtype=np.float64) - np.log(each), each)],
     )
     return kernels if steady else kernels.select(np.arange(1, len(kernels.drift)))
+
+
+def _step(n: int, first_after: int, least: float) -> Drift:
+    before = (np.arange(n) < first_after)[:, None].astype(np.float64)
+    return Drift(Kind.BIAS_STEPPED, before, first_after, least)
 
 
 def _places(n: int) -> Array:

@@ -41,7 +41,7 @@ ALIKE = 0.5
 """Correlation of what is left in poses that follow each other, up to which a std is at most 1.7 times too small."""
 
 ALIKE_SHOWS = 3.3
-"""Standard deviations of that correlation; the axes of forces, and of torques, are taken to say one thing each."""
+"""Standard deviations of that correlation: on the way forces say one thing, and torques; of a bias each axis does."""
 
 FAR_MORE = 3.0
 """Times what all poses leave."""
@@ -194,8 +194,7 @@ def _uncertain_noise(fit: Estimate, stated: bool) -> list[Row]:
         return [(ratio > STATED_NOISE_RATIO, WEAK, Kind.BEYOND_STATED_NOISE, beyond)]
     few = (
         f"every std rests on {np.floor(10.0 * fewest) / 10.0:g} degrees of freedom, under {FEWEST_DOF:g}, and may be "
-        "far off: record "
-        "more poses"
+        "far off: record more poses"
     )
     rows: list[Row] = [(0.0 < fewest < FEWEST_DOF, WEAK, Kind.FEW_DEGREES_OF_FREEDOM, few)]
     for group in (slice(0, 3), slice(3, 6)):
@@ -238,20 +237,23 @@ def _unconfirmed(fit: Estimate) -> Row:
 
 
 def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
-    """What is left in one pose is left in the next as well: poses are taken for independent, which rows taken on the
-    way are not, and no std holds. Errors of the robot may be alike where that is counted.
+    """What is left in one pose is left in the next as well: poses are taken for independent, which rows on the way are
+    not, and no std holds; or the bias moved without times. Errors of the robot may be alike where that is counted.
     """
     n = len(fit.residuals)
     left = fit.beyond_robot if may_go_on(len(readings), readings.time is not None) else fit.residuals
     left = left / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-300)
-    alike = float(np.mean(left[1:] * left[:-1])) if n >= FEWEST_IN_A_ROW else 0.0
+    alike = float(np.mean(left[1:] * left[:-1])) if n > 1 else 0.0
     worth = (1.0 - alike) / max(1.0 + alike, 1e-300)
+    found = f"what is left in one pose is left in the next too (correlation {alike:.2f}), as"
     text = (
-        f"what is left in one pose is left in the next too (correlation {alike:.2f}), as in rows taken while the arm "
-        f"moves: these {n} poses tell as much as {max(worth * n, 1.0):.0f}, and every std is too small: stop at each "
-        "orientation, and give the times in a column t"
+        f"{found} in rows taken while the arm moves: these {n} poses tell as much as {max(worth * n, 1.0):.0f}, and "
+        "every std is too small: stop at each orientation, and give the times in a column t"
     )
-    return alike > max(ALIKE, ALIKE_SHOWS / np.sqrt(2.0 * n)), WEAK, Kind.CORRELATED_POSES, text
+    if n >= FEWEST_IN_A_ROW and alike > max(ALIKE, ALIKE_SHOWS / np.sqrt(2.0 * n)):
+        return True, WEAK, Kind.CORRELATED_POSES, text
+    of_bias = readings.time is None and alike * np.sqrt(6.0 * n) > ALIKE_SHOWS
+    return of_bias, DOUBTFUL, Kind.DRIFT_IN_DOUBT, f"{found} of a bias that moves: give the times in a column t"
 
 
 def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:

@@ -195,6 +195,8 @@ def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> 
     if drift is None or drift.kind is None or moved < (WANDERS if drift.kind is Kind.BIAS_WANDERED else SAID):
         return []
     text = in_words(drift, beliefs.change, moved, names, poses[0].t_start, poses[-1].t_end)
+    if drift.least > 0.0:
+        return [DOUBTFUL(drift.kind, f"{text}, if the rows are in order: give their times (a column t)")]
     after = len(names) - (drift.first_after or 0)
     if drift.kind is Kind.BIAS_STEPPED and after <= max(LIKE_CONTACTS * len(names), FEW_LIKE_CONTACTS):
         alike = "poses that touch something alike would look the same: record more after it"

@@ -16,16 +16,13 @@ from numpy.typing import NDArray
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange, matrix_jacobian, wrench_jacobian
-from .bias_drift import Drift
+from .bias_drift import ROWS_IN_ORDER, Drift
 from .problem import Problem
 from .tables import Table, covariance_of_errors
 from .variance_components import inverse_of
 
 ODDS = {Kind.GAIN: 0.4, Kind.CREEP: 0.2, Kind.CABLE: 0.2}
 """Before the readings, against independent errors: sensors and cables err less often."""
-
-ROWS_IN_ORDER = 0.5
-"""That rows without times are in the order in which they were taken."""
 
 FIELD_LENGTH = 0.5
 """rad over which the pull of a cable changes."""

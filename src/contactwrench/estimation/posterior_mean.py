@@ -112,7 +112,8 @@ def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Ar
     where it is the last, a step before it reads the same, and where all of them are off alike, a second level that they
     are on. What no reading excludes is in the std.
     """
-    added, stepping = np.zeros((6, 6)), any(drift.kind is Kind.BIAS_STEPPED for drift in problem.kernels.drifts)
+    n = len(problem.wrench)
+    added, stepping = np.zeros((6, 6)), any(drift.first_after == n - 1 for drift in problem.kernels.drifts)
     for table, here in each_with_place(tables):
         out = np.flatnonzero(~table.kept)
         if not len(out):
