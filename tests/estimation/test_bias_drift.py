@@ -53,7 +53,8 @@ def test_without_times_large_steps_alone_are_looked_for_and_of_few_poses_nothing
     assert [drift.first_after for drift in large] == list(range(2, 23))
     assert min(drift.strengths[0] for drift in large) > 30.0
     assert np.exp(log_prior).sum() == pytest.approx(0.045)
-    assert possible_drifts(None, 3) == ([], [])
+    assert possible_drifts(None, 5) == ([], [])
+    assert [drift.first_after for drift in possible_drifts(None, 6)[0]] == [2, 3, 4]
     assert possible_drifts(np.arange(3.0), 3) == ([], [])
     steady = kernels_of(24, [], [])
     assert (len(steady.drift), steady.log_prior.tolist()) == (1, [0.0])

@@ -52,7 +52,8 @@ MOST_POSES = 400
 SMOOTH = 32
 """Columns of a walk: what is left out has a thousandth of its variance."""
 
-FEWEST_POSES = 3
+FEWEST_POSES, FEWEST_IN_ANY_ORDER = 3, 5
+"""Of so many nothing is looked for; without times there are more ways for what is left of few."""
 
 SHARE_OF_WEIGHT: dict[Kind | None, float] = {
     Kind.GAIN: 0.01,
@@ -121,7 +122,7 @@ def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float
     """How the bias of n poses may have moved, and the logarithm of the odds of each; `time` (n,) s, None where nobody
     knows the order of the poses: then by a step alone that is large, as of a sensor that is zeroed anew.
     """
-    if n <= FEWEST_POSES:
+    if n <= (FEWEST_POSES if time is not None else FEWEST_IN_ANY_ORDER):
         return [], []
     if time is None:
         places = _places(n)[1:-1]

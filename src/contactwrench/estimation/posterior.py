@@ -120,9 +120,11 @@ def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     distance = distance * max(dof - 6.0, 1.0) / np.maximum(dof - distance, 1e-3)  # in noise that counts it is less
     sets, kept, many = [], table.kept, len(table.kept) > MANY
     furthest = float(distance[kept].max())
-    far = kept & (distance >= (max(0.5 * furthest, DOUBTED) if many else furthest))
-    if furthest > DOUBTED and np.isfinite(log_prior_outlying(len(kept), int(np.sum(~kept | far)))):
-        sets.append(kept & ~far)
+    for least in (max(0.5 * furthest, DOUBTED), furthest) if many else (furthest,):
+        fewer = kept & (distance < least)
+        if furthest > DOUBTED and np.isfinite(log_prior_outlying(len(kept), int(np.sum(~fewer)))):
+            sets.append(fewer)
+            break
     if not kept.all():
         left, *known = explained(problem, table, member)
         squared = np.sum((left - sum(known)) ** 2 / m.variance[member], axis=1)

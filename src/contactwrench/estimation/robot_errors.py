@@ -126,7 +126,7 @@ def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
     """
     found = look_at(linear, _with_share(linear, base, turns, 0.5 * SHOWING))
     # a rival's noise is no measure of what is left without it
-    left = float(found.chi2.sum() / max(found.dof.sum(), LEAST_DOF))
+    left = max(float(found.chi2.sum() / max(found.dof.sum(), LEAST_DOF)), 1e-12)
     if replace(found.turns, chi2=found.turns.chi2 / left).slope >= 0.0:
         return None
     V = _with_share(linear, replace(base, variance=base.variance * max(left, 1.0)), turns, MOST)
