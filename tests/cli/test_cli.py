@@ -266,7 +266,7 @@ USAGE = [
         "gone.csv: there is no such file, expected a readable file: check the path",
     ),
     (
-        ["calibrate", ""],
+        ["calibrate", PANDA, "--known", ""],
         "found an empty argument, expected a file or a value: is a variable of the shell not set?",
     ),
     (["show", "gone.json"], "gone.json: there is no such file, expected a readable file: check the path"),

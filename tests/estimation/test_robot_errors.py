@@ -63,6 +63,17 @@ def test_it_is_said_how_far_and_nothing_else_is_blamed(n: int, degrees: float) -
     assert np.sqrt(np.mean(np.square(off))) < 1.5
 
 
+def test_a_robot_that_is_degrees_off_is_found() -> None:
+    """The search began no further out than robots usually are, where it stopped."""
+    for seed in range(3):
+        _, R, wrench, _ = _recording(seed, 20, 1.7)
+        calibration = cw.calibrate(cw.Samples(wrench, R), "mount")
+        assert calibration.weight is not None
+        assert Kind.ROBOT in _kinds(calibration)
+        assert calibration.orientation_std == pytest.approx(np.deg2rad(1.7), rel=0.4)
+        assert abs(calibration.weight - 20.0) < 4.0 * calibration.std["weight"] < 0.1
+
+
 def test_of_many_poses_none_is_left_out() -> None:
     """They were noise alike on all axes: 3 of 10 such tables were good, 4 % of the poses left out."""
     for seed in range(3):

@@ -184,7 +184,7 @@ def test_a_step_in_rows_without_times_is_in_doubt_and_in_another_order_it_is_non
 def test_a_bias_that_wanders_through_rows_without_times_is_in_doubt() -> None:
     """A walk of 4 noise std a pose, which the readings leave in order; shuffled, nobody can tell it."""
     doubted = {"walk": 0, "shuffled": 0, "steady": 0}
-    text = "doubtful: what is left in one pose is left in the next too (correlation {}), as of a bias that moves: give "
+    text = "doubtful: what is left in one pose is left in the next too (correlation {}), as of a bias that moves, or a "
     for seed in range(10):
         rig, R, rng = _rig(seed)
         R = R[:10]
@@ -196,7 +196,7 @@ def test_a_bias_that_wanders_through_rows_without_times_is_in_doubt() -> None:
             for said in (f.text for f in findings if f.kind is Kind.DRIFT_IN_DOUBT and "may have" not in f.text):
                 doubted[name] += 1
                 correlation = said.partition("(correlation ")[2].partition(")")[0]
-                assert said == text.format(correlation) + "the times in a column t"
+                assert said == text.format(correlation) + "cable: give the times (a column t)"
     assert doubted["walk"] >= 3
     assert doubted["steady"] == doubted["shuffled"] == 0
 

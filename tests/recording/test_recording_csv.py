@@ -133,7 +133,7 @@ def test_the_angle_y_of_nachi_is_not_taken_for_a_position(tmp_path: Path) -> Non
         lambda text: text.replace(",", "\t").encode("utf-16"),
         lambda text: ("note, of what;" + text.replace(",", ";").replace("\n", "\nup, free;")).encode()[:-10],
         lambda text: ("# Köln, in °\n" + "\n".join(f"über,{line}" for line in text.split())).encode("cp1252"),
-        lambda text: ("Log 2.1; Mini45, in N\nDate:\t2024-05-01\n\n" + text.replace(",", "\t")).encode(),
+        lambda text: ("Log 2; Mini45, in N\nDate\t2024-05" + 14 * "\t" + "\n\n" + text.replace(",", "\t")).encode(),
         lambda text: text.rstrip("\n").encode(),
         lambda text: ("# made by hand, Köln\n\n" + text.replace("\n", "\n# and so on\n \n")).encode(),
         lambda text: b"\xef\xbb\xbf# note\r\n" + text.replace(",", ";").replace("\n", "\r\n").encode(),

@@ -43,6 +43,10 @@ def refusal(path: Path, **flags: str) -> str:
         (QUAT_TABLE.encode("utf-16-le"), f"found UTF-16 or binary content, {IN_UTF8}"),
         (QUAT_TABLE.encode("utf-16-be"), f"found UTF-16 or binary content, {IN_UTF8}"),
         (QUAT_TABLE.encode("utf-32"), f"found UTF-16 or binary content, {IN_UTF8}"),
+        (
+            b"\xef\xbb\xbf" + f"# one\n{QUAT_TABLE}# Meßreihe\n".encode("latin-1"),
+            "row 4: found a byte that is no UTF-8, expected UTF-8: save it as that",
+        ),
         (GOOD, "row 1: found numbers, expected a header with the columns' names"),
         (f"# no header\n\n{GOOD}\n", "row 3: found numbers, expected a header with the columns' names"),
         (f"{QUAT_HEADER}\n", "found a header and no rows, expected a row for each reading: add them"),
@@ -53,11 +57,27 @@ def test_files_without_a_table(tmp_path: Path, content: str | bytes, message: st
     assert refusal(written(tmp_path, content)) == message
 
 
-@pytest.mark.parametrize(("remark", "unit"), [("Units: lbf, in-lb", "lbf"), ("torque=N mm", "N mm")])
-def test_a_unit_above_the_header_is_named(tmp_path: Path, remark: str, unit: str) -> None:
-    assert refusal(written(tmp_path, f"Log 2\n{remark}\n{QUAT_TABLE}")) == (
-        f"row 2: found the unit {unit} above the header, expected it beside the names, as in fx [{unit}]: write it "
-        "there, and # before that row"
+@pytest.mark.parametrize(
+    ("remark", "found", "column"),
+    [
+        ("Units: lbf, in-lb", "lbf", "fx [lbf]"),
+        ("torque=N mm", "N mm", "tx [N mm]"),
+        ('"Force","lbf"', "lbf", "fx [lbf]"),
+        ("in N/Nmm", "Nmm", "tx [N mm]"),
+        ("{kgf}|{N-mm}", "kgf", "fx [kgf]"),
+        ("Angles in rad", "rad", "roll [rad]"),
+        ("Time: ms", "ms", "t [ms]"),
+        ("Positions (mm)", "mm", "x [mm]"),
+        ("Force unit: talents", "'Force unit: talents'", "fx [N], tx [Nm]"),
+        ("Force: pounds", "'Force: pounds'", "fx [N], tx [Nm]"),
+    ],
+)
+def test_a_unit_above_the_header_is_named(tmp_path: Path, remark: str, found: str, column: str) -> None:
+    said = refusal(written(tmp_path, f"Log 2\n{remark}\n{QUAT_TABLE}"))
+    which = "them" if "," in column else "it"
+    assert said == (
+        f"row 2: found {found} above the header, expected units beside the names, as in {column}: write {which} there, "
+        "and # before that row"
     )
 
 

@@ -102,7 +102,7 @@ def main(program: typer.Typer = app, name: str = "contactwrench") -> None:
 def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
     """Run the program: its exit status. What is an error of the program itself is raised."""
     try:
-        if any(this == "" and not before.startswith("-") for before, this in pairwise(sys.argv)):
+        if "" in sys.argv[1:]:
             raise InputError("found an empty argument, expected a file or a value: is a variable of the shell not set?")
         status = program(prog_name=name, standalone_mode=False)
         sys.stdout.flush()

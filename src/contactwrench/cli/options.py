@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Collection
 from inspect import Parameter, Signature
@@ -77,7 +78,7 @@ def noise_or_file(text: str, what: str) -> Array | Path:
     try:
         std = float(text)
     except ValueError:
-        if text[:1] not in "0123456789+-." or Path(text).exists():
+        if not re.fullmatch(r"[+-]?\d+([.,]\d+)?\s*[A-Za-z ]{0,4}", text):
             return Path(text)
         std = np.nan
     if len(NOISE.outside(np.array([std]))):

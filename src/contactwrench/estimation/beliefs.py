@@ -82,8 +82,8 @@ def _off_by_exactness(tables: list[Table], weight: Array, squared: Array) -> tup
 
 
 def _furthest_drift(tables: list[Table], weight: Array, off: Array) -> Rival | None:
-    """Of the drifts that are neither the likeliest cause nor excluded, the one by which the answer would be furthest
-    off; `off` (m, p), by how many std that of each member is.
+    """Of the drifts that are neither the likeliest cause nor excluded, the one that decides most; `off` (m, p), by how
+    many std the answer of each member is off.
     """
     drifts = [table.kernel_of(k)[0] for table in tables for k in range(len(table.members.kernel))]
     of_cause: dict[tuple[Kind | None, int | None], list[int]] = {}
@@ -95,4 +95,4 @@ def _furthest_drift(tables: list[Table], weight: Array, off: Array) -> Rival | N
         for (kind, _), members in of_cause.items()
         if kind in BIAS_MOVED and members is not likeliest and (share := float(weight[members].sum())) > EXCLUDED
     ]
-    return max(rivals, key=lambda rival: rival.off, default=None)
+    return max(rivals, key=lambda rival: rival.decides, default=None)

@@ -79,6 +79,10 @@ class Estimate:
 IN_DOUBT = 1.0 / 20.0
 """Probability of a rival from which on a decision is in doubt."""
 
+DECIDES, DECIDES_BY_FAR = 2.0, 3.5
+"""Standard deviations by which the answer is off in a rival's case, from which on the rival matters; the second where
+it is unlikely."""
+
 EXCLUDED = 1.0 / 500.0
 """The same where the rival's answer is so far off that a decision against it would be a confident error."""
 
@@ -92,6 +96,11 @@ class Rival:
     drift: Drift
     probability: float
     off: float
+
+    @property
+    def decides(self) -> float:
+        """From 1 on it matters: by how many times it is further off than a rival of that probability may be."""
+        return self.off / (DECIDES if self.probability > IN_DOUBT else DECIDES_BY_FAR)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -252,8 +252,8 @@ def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
     )
     if n >= FEWEST_IN_A_ROW and alike > max(ALIKE, ALIKE_SHOWS / np.sqrt(2.0 * n)):
         return True, WEAK, Kind.CORRELATED_POSES, text
-    of_bias = readings.time is None and alike * np.sqrt(6.0 * n) > ALIKE_SHOWS
-    return of_bias, DOUBTFUL, Kind.DRIFT_IN_DOUBT, f"{found} of a bias that moves: give the times in a column t"
+    of_bias, text = readings.time is None and alike * np.sqrt(6.0 * n) > ALIKE_SHOWS, f"{found} of a bias that moves, "
+    return of_bias, DOUBTFUL, Kind.DRIFT_IN_DOUBT, f"{text}or a cable: give the times (a column t)"
 
 
 def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:

@@ -11,7 +11,7 @@ from ..geometry.arrays import Array
 from ..samples.poses import Pose, names_of
 from ..statistics import counted, force_and_torque, two_digits
 from .bias_drift import in_words
-from .estimate import IN_DOUBT, Beliefs, Estimate, RigidEstimate
+from .estimate import DECIDES, DECIDES_BY_FAR, IN_DOUBT, Beliefs, Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, WARNING, WEAK
 from .outliers import alike, probability_of_a_level
 from .priors import Question
@@ -26,10 +26,6 @@ LIKE_CONTACTS, FEW_LIKE_CONTACTS = 0.3, 2
 
 SAID, WANDERS = 0.5, 0.75
 """Probabilities from which on the bias is said to have moved; to have wandered, which takes up chance of any shape."""
-
-DECIDES, DECIDES_BY_FAR = 2.0, 3.5
-"""Standard deviations by which the answer is off in a rival's case, from which on the rival matters; the second where
-it is unlikely."""
 
 FEW_POSES = 4
 MOST_NAMED = 6
@@ -98,14 +94,14 @@ def _tilt_in_doubt(beliefs: Beliefs) -> list[Finding]:
             f"answer is {off:.1f} std off; tilt the tool further, about more than one axis, or state it with --known",
         )
         for what, exact, off in each
-        if _decides(min(exact, 1.0 - exact), off)
+        if off > (DECIDES if min(exact, 1.0 - exact) > IN_DOUBT else DECIDES_BY_FAR)
     ]
 
 
 def _drift_in_doubt(beliefs: Beliefs, names: list[str]) -> list[Finding]:
     """Where the answer would be another one, had the bias moved in a way that is unlikely, but not excluded."""
     rival = beliefs.furthest
-    if rival is None or not _decides(rival.probability, rival.off):
+    if rival is None or rival.decides <= 1.0:
         return []
     moved = {Kind.BIAS_DRIFTED: "drifted", Kind.BIAS_WANDERED: "wandered"}.get(rival.drift.kind or Kind.OTHER, "")
     moved = moved or f"stepped before {names[rival.drift.first_after or 0]}"
@@ -114,11 +110,6 @@ def _drift_in_doubt(beliefs: Beliefs, names: list[str]) -> list[Finding]:
         f"{rival.off:.1f} std off; record more poses"
     )
     return [DOUBTFUL(Kind.DRIFT_IN_DOUBT, text)]
-
-
-def _decides(probability: float, off: float) -> bool:
-    """Whether a rival matters, in whose case the answer would be `off` std off."""
-    return off > (DECIDES if probability > IN_DOUBT else DECIDES_BY_FAR)
 
 
 def _anywhere(estimate: Estimate, beliefs: Beliefs) -> list[Finding]:

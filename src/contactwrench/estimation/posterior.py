@@ -110,8 +110,8 @@ def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDA
 
 
 def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
-    """Sets of poses that differ in one: the kept pose furthest off, the pose left out that is nearest. Of `MANY` poses
-    all that are off half as far, and all left out that nobody would doubt.
+    """Sets of poses nearby: less the one furthest off, of `MANY` less all that are off half as far; with the one left
+    out that is nearest, of `MANY` with all that nobody would doubt.
     """
     member, m = table.best, table.members
     distance, dof = deleted_distances(problem, table), float(m.dof[member].sum())

@@ -38,7 +38,8 @@ FURTHEST = 5.0 * USUAL
 """rad, standard deviation: what leaves more is no robot's error."""
 
 MOST = 1.5
-"""Of the noise's variance, by turns about either axis, to begin with: three quarters of what is left."""
+"""Of the noise's variance, by turns about one axis, and as much about the other: three quarters of what is left, to
+begin with."""
 
 MOST_BESIDE, CLOSE_BESIDE = 3, 4.0
 """Drifts that are looked at with turns beside them, and the natural logarithm of the odds of one, against the likeliest
@@ -130,12 +131,12 @@ def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
     if replace(found.turns, chi2=found.turns.chi2 / left).slope >= 0.0:
         return None
     V = _with_share(linear, replace(base, variance=base.variance * max(left, 1.0)), turns, MOST)
-    return None if V.sd > FURTHEST else replace(V, sd=min(V.sd, USUAL))
+    return None if V.sd > FURTHEST else V
 
 
 def _with_share(linear: Linear, base: AlikeOnAxes, turns: Turns, share: float) -> Turned:
-    """Turns that have the `share` (`Turned.shares`) of the forces' noise, the variances of the base being of both; a
-    drift is as large as it was.
+    """Turns that have the `share` (`Turned.shares`) of the forces' noise, the variances of the base being about that of
+    both; a drift is as large as it was.
     """
     load = np.mean(turns.reads_of_kept**2, axis=(0, 2)) + 1e-300
     of_axis = share * load / base.variance / np.mean(load[:3] / base.variance[:3])

@@ -6,6 +6,7 @@ say which row and column is wrong; rows are counted as an editor counts lines, t
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -106,8 +107,13 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
             )
         try:
             text = content.decode("utf-8-sig" if row == 1 else "utf-8")
-        except UnicodeDecodeError:  # names and remarks in the code of Windows; no number has such a byte
-            text = content.decode("cp1252", errors="replace")
+        except UnicodeDecodeError as error:
+            if row == 1 and content.startswith(BOM_UTF8):
+                where = row + content.count(b"\n", 0, error.start)
+                raise FileFormatError(
+                    f"{source}: row {where}: found a byte that is no UTF-8, expected UTF-8: save it as that"
+                ) from None
+            text = content.decode("cp1252", errors="replace")  # names and remarks; no number has such a byte
         text = text.replace("\N{MINUS SIGN}", "-")
         if "\r" in text:
             text = text.replace("\r\n", "\n").replace("\r", "\n")

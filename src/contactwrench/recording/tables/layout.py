@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from ...errors import FileFormatError
-from .units import UNITS, per_si, unit_of
+from .units import UNITS, unit_of
 
 SEPARATORS = ("\t", ";", ",", " ")
 """A blank stands for any number of them."""
@@ -29,6 +29,11 @@ NO_UNIT = ("", "-", "1")
 
 MOST_REMARKS, FEWEST_NUMBERS = 50, 6
 """Rows above the header; and numbers in a row, a wrench at least."""
+
+COLUMN_OF = {"force": "fx", "torque": "tx", "time": "t", "angle": "roll", "length": "x"}
+USUAL = ("N", "N m", "s", "deg", "m")
+OF_UNITS = re.compile(r"unit|einheit|pound|ounce|kilogram|\b(?:kg|oz|ozf)\b", re.IGNORECASE)
+"""In a remark: that it states a unit, whether that is one which is known here or not."""
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -79,24 +84,37 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
 
 
 def _below_remarks(rows: list[tuple[int, str]], source: str) -> list[tuple[int, str]]:
-    """The rows from the header on, the first that is as wide as the first one of numbers: loggers write of themselves
-    above it. Raises `FileFormatError` where they state a unit there that nobody would read.
+    """The rows from the header on, the first with as many cells, most of them filled, as the first row of numbers:
+    loggers write of themselves above it. All rows where none is so. Raises `FileFormatError` for units up there.
     """
     each = ((k, mark, split(line, mark)) for k, (_, line) in enumerate(rows[:MOST_REMARKS]) for mark in SEPARATORS)
     k, mark, width = next(
         ((k, mark, len(found)) for k, mark, found in each if _numbers_in(found) >= FEWEST_NUMBERS), (0, "", 0)
     )
-    header = next((j for j in range(k) if len(split(rows[j][1], mark)) == width), 0)
+    above = [split(line, mark) for _, line in rows[:k]]
+    filled = [len(found) == width and sum(map(bool, found)) >= FEWEST_NUMBERS for found in above]
+    header = filled.index(True) if True in filled else 0
     for row, line in rows[:header]:
-        words = re.findall(r"[^\s:;,=()\[\]]+", line)
-        for word in (*words, *map(" ".join, pairwise(words))):
-            units = [unit for of in ("force", "torque") if (unit := unit_of(of, word)) and per_si(of, unit) != 1.0]
-            if units:
-                raise FileFormatError(
-                    f"{source}: row {row}: found the unit {word} above the header, expected it beside the names, as in "
-                    f"fx [{units[0]}]: write it there, and # before that row"
-                )
+        _refuse_units(line, f"{source}: row {row}")
     return rows[header:]
+
+
+def _refuse_units(remark: str, where: str) -> None:
+    """Raise `FileFormatError` for what may be a unit other than those that columns without one have."""
+    words = re.findall(r"[\w·.*^°-]+", remark)
+    for word in (*map(" ".join, pairwise(words)), *words):
+        for quantity, column in COLUMN_OF.items():
+            unit = unit_of(quantity, word)
+            if unit is not None and unit not in USUAL:
+                raise FileFormatError(
+                    f"{where}: found {word} above the header, expected units beside the names, as in "
+                    f"{column} [{unit}]: write it there, and # before that row"
+                )
+    if OF_UNITS.search(remark) and not any(unit_of("force", word) == "N" for word in words):
+        raise FileFormatError(
+            f"{where}: found {remark[:40]!r} above the header, expected units beside the names, as in fx [N], tx [Nm]: "
+            "write them there, and # before that row"
+        )
 
 
 def _named_by_comment(above: Sequence[str], data: Sequence[str], row: int, source: str) -> Layout:
