@@ -111,8 +111,8 @@ class Beliefs:
     the robot's turns of about `turn` rad an axis; that
     mounting and base are exactly nominal, `mounting_exact` and `base_exact`, or point anywhere, `any_mounting` and
     `any_base`. By how many std the answer would be off, were the less likely of exactly nominal or not so,
-    `off_by_mounting` and `off_by_base`; 0 where that one is excluded; the drift, not excluded, by which it would be
-    furthest off, `furthest`.
+    `off_by_mounting` and `off_by_base`; 0 where that one is excluded; the drift, not excluded, in whose case it would
+    be so far off that it decides most, `furthest`.
     """
 
     outlying: Array

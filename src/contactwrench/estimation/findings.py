@@ -45,7 +45,6 @@ ALIKE_SHOWS = 3.3
 
 FAR_MORE = 3.0
 """Times what all poses leave."""
-
 FEWEST_IN_A_ROW = 12
 SIGNIFICANCE, SIGNIFICANCE_OF_GAIN = 0.001, 0.01
 """Of a force matrix of its own; of an axis' gain, which in a cone shows little and is wrong all the more beyond."""
@@ -252,8 +251,9 @@ def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
     )
     if n >= FEWEST_IN_A_ROW and alike > max(ALIKE, ALIKE_SHOWS / np.sqrt(2.0 * n)):
         return True, WEAK, Kind.CORRELATED_POSES, text
-    of_bias, text = readings.time is None and alike * np.sqrt(6.0 * n) > ALIKE_SHOWS, f"{found} of a bias that moves, "
-    return of_bias, DOUBTFUL, Kind.DRIFT_IN_DOUBT, f"{text}or a cable: give the times (a column t)"
+    of_bias = readings.time is None and alike * np.sqrt(6.0 * n) > ALIKE_SHOWS
+    text = f"{found} of a bias that moves, or a cable: give the times (a column t)"
+    return of_bias, DOUBTFUL, Kind.DRIFT_IN_DOUBT, text
 
 
 def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:

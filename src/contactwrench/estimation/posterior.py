@@ -27,7 +27,8 @@ DOUBTED = 28.0
 
 MOST_AS_LEVELS = 3
 MANY = 40
-"""Poses: of fewer, turns of the robot take up what contacts make, which are looked for as if there were none."""
+"""Poses: of fewer, turns of the robot take up what contacts make, which are looked for as if there were none; of more
+all that are far off are left out together, as one by one takes minutes."""
 FEWEST_POSES = 4
 
 

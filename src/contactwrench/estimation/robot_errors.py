@@ -37,7 +37,7 @@ MOST_ALIKE = 100
 FURTHEST = 5.0 * USUAL
 """rad, standard deviation: what leaves more is no robot's error."""
 
-MOST = 1.5
+AT_FIRST = 1.5
 """Of the noise's variance, by turns about one axis, and as much about the other: three quarters of what is left, to
 begin with."""
 
@@ -130,7 +130,7 @@ def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
     left = max(float(found.chi2.sum() / max(found.dof.sum(), LEAST_DOF)), 1e-12)
     if replace(found.turns, chi2=found.turns.chi2 / left).slope >= 0.0:
         return None
-    V = _with_share(linear, replace(base, variance=base.variance * max(left, 1.0)), turns, MOST)
+    V = _with_share(linear, replace(base, variance=base.variance * max(left, 1.0)), turns, AT_FIRST)
     return None if V.sd > FURTHEST else V
 
 

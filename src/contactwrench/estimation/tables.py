@@ -231,6 +231,7 @@ def settled(
 
 
 def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> Table:
+    """The table near its own mean, and then with turns."""
     table = _centred(replace(problem, robot=()), table, among)
     turned = _with_turns(problem, table, _seen(problem, table.kept, among))
     return _weighed(problem, _centred(problem, turned, among) if (turned.members.robot >= 0).any() else table)

@@ -33,10 +33,8 @@ FEWEST_TIMES, SLOWEST_STEP, LONGEST = 200, 1.0, 1e4
 """So many times, of which the middle step is of so many s or more, are likely in another unit: where they are whole
 numbers, or go on for longer than so many s.
 """
-
-
 LONGEST_WAIT = 600.0
-"""s from row to row."""
+"""s from row to row: in so many rows nobody waits for longer."""
 
 
 def turns_little(R_base_flange: Array) -> bool:

@@ -32,6 +32,7 @@ MOST_REMARKS, FEWEST_NUMBERS = 50, 6
 
 COLUMN_OF = {"force": "fx", "torque": "tx", "time": "t", "angle": "roll", "length": "x"}
 USUAL = ("N", "N m", "s", "deg", "m")
+"""Columns by which a unit is shown, and the units of those that state none."""
 OF_UNITS = re.compile(r"unit|einheit|pound|ounce|kilogram|\b(?:kg|oz|ozf)\b", re.IGNORECASE)
 """In a remark: that it states a unit, whether that is one which is known here or not."""
 
@@ -62,15 +63,14 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
         None where all lines are blank or comments.
 
     Raises:
-        FileFormatError: where the first row is numbers, and no comment above it names their columns.
+        FileFormatError: where the first row is numbers that no comment above it names, or units stand above a header.
     """
     rows = [(row, line) for row, line in enumerate(lines, start=1) if is_row(line)]
     if rows and rows[0][1].lower().startswith("sep="):
         rows = rows[1:]
     if not rows:
         return None
-    rows = _below_remarks(rows, source)
-    row, header = rows[0]
+    row, header = (rows := _below_remarks(rows, source))[0]
     data = [line for _, line in rows[1:]]
     if any(_numbers_in(each := split(header, mark)) == len(each) > 0 for mark in SEPARATORS):
         return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
