@@ -14,10 +14,10 @@ from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.world import Array
 
 Capture = pytest.CaptureFixture[str]
-N, STOP = 4000, 250
+N, STOP = 2000, 250
 WEIGHT, COM = 9.0, np.array([0.01, -0.02, 0.07])
 BIAS = np.array([3.0, -4.0, 11.0, 0.2, -0.1, 0.05])
-LACK = [0, 7, 8, 9, 700, 701, 3998, 3999]
+LACK = [0, 7, 8, 9, 700, 701, 1998, 1999]
 """Rows that lack all or a part of a reading, the first and the last ones too."""
 
 
@@ -59,8 +59,9 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-@pytest.mark.parametrize("cell", ["", "nan", "NaN"])
-@pytest.mark.parametrize("channels", [[3], [0, 1], list(range(6))])
+@pytest.mark.parametrize(
+    ("cell", "channels"), [("", [3]), ("nan", [0, 1]), ("NaN", list(range(6))), ("", list(range(6)))]
+)
 def test_rows_without_a_reading_have_no_contact_wrench(
     tmp_path: Path, capsys: Capture, cell: str, channels: list[int]
 ) -> None:
