@@ -241,7 +241,7 @@ def test_thousands_of_orientations_with_times_are_stops_that_are_none(monkeypatc
 def test_rows_taken_on_the_way_are_not_called_good() -> None:
     rig = changed(Settings(), ["recording.rate=10", "tool.mass=1", "sensor.low_pass=3", "sensor.delay=0.1",
                                "sensor.ranges=[700,700,700,30,30,30]"])  # fmt: skip
-    made = record_motion(rig, exciting(60.0, 10.0, np.random.default_rng(5)), rng=np.random.default_rng(0))
+    made = record_motion(rig, exciting(30.0, 10.0, np.random.default_rng(5)), rng=np.random.default_rng(0))
     found = cw.calibrate(in_seconds(made.samples, None), "mount")
     assert found.verdict.startswith("weak")
     assert any("what is left in one pose is left in the next too" in warning for warning in found.warnings)
