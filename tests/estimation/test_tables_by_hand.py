@@ -88,10 +88,9 @@ def test_an_axis_of_half_gain_is_never_good_and_whole_ones_are_never_named() -> 
         rng = np.random.default_rng(seed)
         rig, R = usual_rig(rng, 20.0), in_a_cone(12, rng)
         wrench = noisy_readings(rig, R, NOISE, rng)
-        model = "auto" if seed < 2 else "mount"
-        assert _of_axis(cw.calibrate(cw.Samples(wrench, R), model)) == []
+        assert _of_axis(cw.calibrate(cw.Samples(wrench, R))) == []
         wrench[:, 2] = rig.bias[2] + 0.5 * (wrench[:, 2] - rig.bias[2])
-        assert cw.calibrate(cw.Samples(wrench, R), model).verdict != "good"
+        assert cw.calibrate(cw.Samples(wrench, R)).verdict != "good"
 
 
 def _creeping(rig: Rig, R: Array, share: float, rng: np.random.Generator) -> Array:
@@ -106,7 +105,7 @@ def test_what_a_reading_keeps_of_the_pose_before_is_found_by_the_order_and_makes
         rng = np.random.default_rng(seed)
         rig, R = replace(usual_rig(rng), weight=20.0), random_rotations(24, rng)
         t = 15.0 * np.arange(24.0) if timed else None
-        calibration = cw.calibrate(cw.Samples(_creeping(rig, R, 0.03, rng), R, t), "auto" if seed == 0 else "mount")
+        calibration = cw.calibrate(cw.Samples(_creeping(rig, R, 0.03, rng), R, t))
         assert np.abs(_errors(calibration, rig)).max() < 4.5
         assert calibration.weight == pytest.approx(20.0, abs=0.1)  # by the poses alone 0.6 N less
         (found,) = [finding for finding in calibration.findings if finding.kind is Kind.CREEP]
@@ -130,5 +129,4 @@ def test_without_creep_or_in_another_order_none_is_found() -> None:
             cw.Samples(steady, R),
             cw.Samples(creeping[order], R[order]),
         ):
-            calibration = cw.calibrate(samples, "auto" if seed == 0 else "mount")
-            assert not [finding for finding in calibration.findings if finding.kind is Kind.CREEP]
+            assert not [finding for finding in cw.calibrate(samples).findings if finding.kind is Kind.CREEP]
