@@ -4,6 +4,7 @@ they do, raise none.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from contactwrench.compensate.contact_wrenches import ContactWrenches, InDoubt
+from contactwrench.compensate.contact_wrenches import ContactWrenches, InDoubt, OffThroughout
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
 from contactwrench.recording.compensate import Treatment, compensated
@@ -25,10 +26,11 @@ from tests.support.world import Array, readings
 Capture = pytest.CaptureFixture[str]
 
 N, RATE = 6000, 100.0
-CAUSES = (
-    "if nothing touches, another tool was mounted (calibrate it), the zero was set anew (calibrate --prior), or it "
-    "drifted (--drift)"
+OTHERWISE = (
+    "if nothing touches, it has another tool (calibrate it), another zero (calibrate --prior), or is not read as the "
+    "calibration was (sign, units, orientation)"
 )
+CAUSES = f"{OTHERWISE}, or it drifted (--drift)"
 FROM_HALF = f"in contact for 50% of the time, from 30.1 s on to the end by a force as of a weight or a bias: {CAUSES}"
 
 
@@ -129,3 +131,41 @@ def test_the_command_says_it_in_one_line(tmp_path: Path, capsys: Capture) -> Non
         done = run(capsys, "compensate", path, *into, "--contact")
         assert done.status == 0
         assert [line for line in done.err.splitlines() if "in contact" in line] == said
+
+
+def off_throughout(folder: Path, *, with_times: bool, options: Options, change: str = "free") -> list[str]:
+    """What is said of a minute that is not judged, of a table of rows with both or brought onto one clock."""
+    notes: list[str] = []
+    treatment = Treatment(delay=0.004 if with_times else None)
+    for _ in compensated(recorded(folder, 2, change), options, calibrated(3)[0], treatment, note=notes.append):
+        pass
+    return [note for note in notes if "left of the force" in note]
+
+
+@pytest.mark.parametrize("with_times", [False, True])
+@pytest.mark.parametrize(
+    "options", [Options(sign="reaction"), Options(inverse_orientation=True), Options(units="force=kN,torque=Nm")]
+)
+def test_what_is_read_otherwise_than_the_calibration_is_asked_about(
+    options: Options, with_times: bool, tmp_path: Path
+) -> None:
+    (note,) = off_throughout(tmp_path, with_times=with_times, options=options)
+    assert re.fullmatch(
+        r"more than 0\.53 N are left of the force in (9\d|100)% of the rows: "
+        + re.escape(f"{OTHERWISE}, or something is held"),
+        note,
+    )
+
+
+@pytest.mark.parametrize("with_times", [False, True])
+@pytest.mark.parametrize("change", ["free", "new zero", "60 %", "at the end"])
+def test_what_is_free_for_some_of_the_time_is_not(change: str, with_times: bool, tmp_path: Path) -> None:
+    assert off_throughout(tmp_path, with_times=with_times, options=Options(), change=change) == []
+
+
+@pytest.mark.parametrize(("rows", "asked"), [(99, False), (100, True)])
+def test_few_rows_may_be_pushes_alone_and_those_without_a_contact_wrench_do_not_count(rows: int, asked: bool) -> None:
+    off, wrench = OffThroughout(calibrated(3)[0]), np.full((200, 6), np.nan)
+    wrench[:rows] = 1e3
+    off.add(ContactWrenches(wrench, wrench))
+    assert ("in 100% of the rows" in str(off)) is asked

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from ..calibration.calibration import Calibration
 from ..calibration.fields import ROWS_AT_ONCE
 from ..errors import InputError
+from ..estimation.noise import variance_of_means
 from ..geometry.arrays import Array, Frozen, Rows, Sealed, column, numbers, read_only
 from ..geometry.wrench import cross_matrix, wrench_transform
 from ..model import mounting_turn
 from ..samples.flange_motion import FlangeMotion, flange_motion
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
+from ..statistics import two_digits
 from .faults import Reason
 from .line_of_action import LineOfAction, line_of_action
 
@@ -35,6 +37,13 @@ LONG, STEADY, MARGIN = 10.0, 0.05, 1.2
 """s for which no hand keeps as even: within this share of the force, and so many times the variance."""
 MOST_OF_TIME = 0.75
 """Share of the samples in contact, from which on it is in doubt, however it goes."""
+PART_OF_WEIGHT, NEARLY_ALL, MOST_OF_PUSHES = 0.1, 0.9, 100
+"""Of the weight, and of the rows: orientations that have nothing to do with the readings leave less in few of them; and
+rows, of which fewer may well be pushes alone."""
+OTHERWISE = (
+    "if nothing touches, it has another tool (calibrate it), another zero (calibrate --prior), or is not read as the "
+    "calibration was (sign, units, orientation)"
+)
 BLANK: dict[str, Callable[[int], Any]] = {
     "valid": lambda n: np.ones(n, np.bool_),
     "reason": lambda n: (None,) * n,
@@ -156,9 +165,32 @@ class InDoubt:
             found += f", from {t[0, 0]:.4g} s on to the end by a force as of a weight or a bias"
         elif self.touching <= MOST_OF_TIME * self.rows:
             return ""
+        return f"{found}: {OTHERWISE}, or it drifted (--drift)"
+
+
+class OffThroughout:
+    """Whether forces that are not judged for contact are a part of the weight in nearly all of many rows, batch by
+    batch: no arm touches something all the time.
+    """
+
+    def __init__(self, calibration: Calibration) -> None:
+        weight = float(np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False)))
+        of_row = variance_of_means(calibration.noise, calibration.fitted_poses, np.ones(1))[0, :3]
+        self.least = PART_OF_WEIGHT * weight + 3.0 * float(np.sqrt(np.sum(of_row)))
+        self.rows, self.off = 0, 0
+
+    def add(self, batch: ContactWrenches) -> None:
+        """The next rows; those without a contact wrench do not count."""
+        force = np.linalg.norm(batch.wrench[:, :3], axis=1)
+        self.rows, self.off = self.rows + int(np.sum(force >= 0.0)), self.off + int(np.sum(force > self.least))
+
+    def __str__(self) -> str:
+        """A sentence; empty where nothing is in doubt."""
+        if self.rows < MOST_OF_PUSHES or self.off < NEARLY_ALL * self.rows:
+            return ""
+        share = f"{self.off / self.rows:.0%} of the rows"
         return (
-            f"{found}: if nothing touches, another tool was mounted (calibrate it), the zero was set anew (calibrate "
-            "--prior), or it drifted (--drift)"
+            f"more than {two_digits(self.least)} N are left of the force in {share}: {OTHERWISE}, or something is held"
         )
 
 

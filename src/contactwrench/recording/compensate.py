@@ -13,13 +13,19 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import Compensator
-from ..compensate.contact_wrenches import ContactWrenches, InDoubt, contact_wrenches, in_axes, motion_of, require_frame
-from ..compensate.faults import Reason
+from ..compensate.contact_wrenches import (
+    ContactWrenches,
+    InDoubt,
+    OffThroughout,
+    contact_wrenches,
+    in_axes,
+    motion_of,
+    require_frame,
+)
 from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
@@ -27,11 +33,12 @@ from ..geometry.ranges import DELAY
 from ..samples.bursts import bursts_in, even_rows, spread
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
-from ..samples.synchronize import NOT_A_NUMBER, Synchronized, synchronized
+from ..samples.synchronize import NOT_A_NUMBER, synchronized
 from ..samples.timestamps import spread_evenly
 from .accelerations import with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
+from .in_order import NOTHING, InOrder, without_wrench
 from .options import Options
 from .read import bag_blocks, batches, pairs_in_batches, reader_of, samples_of
 from .standing import Standing
@@ -43,7 +50,6 @@ from .tables.table import Table, without_reading
 from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
-NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,17 +180,18 @@ def _row_by_row(
     pairs: Iterable[Table], path: str | Path, options: Options, tool: Calibration, treatment: Treatment, note: Tell
 ) -> Iterator[ContactWrenches]:
     """Of a table of pairs, each row by itself; those without a reading have no contact wrench."""
-    lacking, (tables, readings) = 0, tee(pairs)
+    lacking, (tables, readings), off = 0, tee(pairs), OffThroughout(tool)
     told = _telling((samples_of(table, path) for table in readings), path, options, note)
     for samples, table in zip(told, tables, strict=True):
         rows = _plain(tool, with_accelerations(samples, path, options), treatment)
+        off.add(rows)
         if len(rows) < len(table) and table.t is not None:
             lacks, lacking = ~table.has_reading, lacking + len(table) - len(rows)
-            rows = ContactWrenches.concatenate([rows, _missing(NOT_A_NUMBER, table.t[lacks])])
+            rows = ContactWrenches.concatenate([rows, without_wrench(NOT_A_NUMBER, table.t[lacks])])
             rows = rows.select(np.argsort(np.argsort(lacks, kind="stable")))
         yield rows
-    if lacking:
-        note(without_reading(lacking))
+    for doubt in filter(None, (without_reading(lacking) if lacking else "", str(off))):
+        note(doubt)
 
 
 def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> ContactWrenches:
@@ -204,7 +211,8 @@ def _paired(
     recording = _telling(every_row, path, options, note)
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))
-    compensator, in_doubt, standing = None, InDoubt(calibration.with_gravity(treatment.gravity)), Standing()
+    compensator, standing, off = None, Standing(), OffThroughout(calibration)
+    in_doubt = InDoubt(calibration.with_gravity(treatment.gravity))
     if treatment.judged:
         if treatment.noise is None and calibration.still_noise is None:
             note(f"{NOISE_IS_LEARNED}; --noise states it")
@@ -220,12 +228,14 @@ def _paired(
     for part in chain(begun, parts):
         samples = with_accelerations(part.samples, path, options)
         wrenches = standing.marked(_of_samples(calibration, compensator, samples, treatment), samples)
-        if compensator is not None and samples.t is not None and len(samples):
+        if compensator is None:
+            off.add(wrenches)
+        elif samples.t is not None and len(samples):
             in_doubt.add(samples, wrenches)
         yield order.whole(wrenches, part)
         for sentence in part.notes:
             note(sentence)
-    for doubt in filter(None, (str(standing), str(in_doubt))):
+    for doubt in filter(None, (str(standing), str(in_doubt), str(off))):
         note(doubt)
     if compensator is not None and (last := compensator.last_contact) is not None and last.release is None:
         yield replace(NOTHING, contacts=(last,))
@@ -260,41 +270,3 @@ def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Ite
         raise InputError("found no times to filter by, expected a column t: add it, or leave the low-pass out")
     evenly = spread(whole.t, bursts_in(whole.t))
     yield replace(whole, wrench=smoothed(evenly, whole.wrench, treatment.low_pass))
-
-
-class InOrder:
-    """Puts what is known of readings, as they are paired, back into the order of the recording.
-
-    Between two calls it holds the stamps of the readings that are not yet paired, and rows that are ahead of them.
-    """
-
-    def __init__(self) -> None:
-        self._begin = 0
-        self._t: list[Array] = [np.empty(0)]
-        self._ahead: tuple[NDArray[np.intp], ContactWrenches] = (np.empty(0, dtype=np.intp), NOTHING)
-
-    def listening(self, recording: Iterable[Streams]) -> Iterator[Streams]:
-        """The same batches; the stamps of their readings are kept."""
-        for streams in recording:
-            self._t.append(streams.wrench.t)
-            yield streams
-
-    def whole(self, paired: ContactWrenches, part: Synchronized) -> ContactWrenches:
-        """All rows from where the last call ended up to the first that is not yet known."""
-        t = np.concatenate(self._t)
-        missing = [_missing(left.reason, t[left.rows - self._begin]) for left in part.left_out]
-        rows = np.concatenate([self._ahead[0], part.rows, *(left.rows for left in part.left_out)])
-        known = ContactWrenches.concatenate([self._ahead[1], paired, *missing])
-        order = np.argsort(rows, kind="stable")
-        rows, known = rows[order], known.select(order)
-        count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
-        self._ahead = rows[count:], replace(known.select(slice(count, None)), contacts=())
-        done = replace(known.select(slice(count)), t=t[:count])
-        self._begin, self._t = self._begin + count, [t[count:]]
-        return done
-
-
-def _missing(reason: str, t: Array) -> ContactWrenches:
-    """Rows without a contact wrench."""
-    n, nan = len(t), np.full((len(t), 6), np.nan)
-    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (Reason(f"left out: {reason}", reason),) * n)
