@@ -53,6 +53,33 @@ def test_a_slow_sweep_without_stops_is_calibrated(seed: int, lag: float, rate: f
     assert count <= 120
 
 
+def stirred(seed: int, period: float, second: float) -> cw.Samples:
+    """A minute and a half of turning to and fro about all axes, with one `period` s, or two alike."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(9000) / 100.0
+    turns = [np.sin(2.0 * np.pi * t[:, None] / T + rng.uniform(0.0, 6.28, 3)) for T in (period, second)]
+    start = Rotation.from_euler("x", 2.6)
+    R = (start * Rotation.from_rotvec(sum(turns, np.zeros((9000, 3))) * rng.uniform(0.1, 0.25, 3))).as_matrix()
+    u = R.transpose(0, 2, 1) @ [0.0, 0.0, -1.0]
+    wrench = BIAS + np.hstack([WEIGHT * u, np.cross(COM, WEIGHT * u)])
+    std = 0.08 * np.array([1.0, 1.0, 1.0, 0.04, 0.04, 0.04])
+    return cw.Samples(wrench + std * rng.normal(size=wrench.shape), R, t)
+
+
+@pytest.mark.parametrize("period", [30.0, 40.0])
+def test_of_a_motion_that_repeats_itself_the_std_counts_the_lag_that_it_does_not_tell(period: float) -> None:
+    """Where all turns have one period, a wrench that is late looks like one of a mounting that is turned."""
+    u = Rotation.random(100, random_state=0).as_matrix().transpose(0, 2, 1) @ [0.0, 0.0, -1.0]
+    truth = BIAS + np.hstack([WEIGHT * u, np.cross(COM, WEIGHT * u)])
+    R = Rotation.random(100, random_state=0).as_matrix()
+    for seed in (0, 3):
+        found = cw.calibrate(stirred(seed, period, period))
+        off = np.abs(found.predict(R) - truth) / found.wrench_std(R)
+        assert off.max() < 5.0
+        other = cw.calibrate(stirred(seed, period, 0.62 * period))
+        assert other.wrench_std(R)[:, :3].mean() < 0.5 * found.wrench_std(R)[:, :3].mean()
+
+
 def test_a_fast_sweep_is_refused_as_before() -> None:
     with pytest.raises(cw.ContactWrenchError, match="found no stretch in 60 s in which arm and reading are still"):
         cw.calibrate(sweep(45, deg_per_s=40.0))

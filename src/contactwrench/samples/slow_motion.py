@@ -59,14 +59,16 @@ class _Parts:
 @dataclass(frozen=True, eq=False)
 class _Fit:
     """The linear fit of readings to orientations: the mean matrices `R` (n, 9) at the lag found, `lag_std` s of
-    it; what one reads there, (9, 6), by `slope`, and how fast that changes, `speed` (n, 6) N/s and N m/s; the `noise`
-    (6,) of a part's mean; what is `left` of the forces, N.
+    it; what one reads there, (9, 6), by `slope`, and how fast that changes, (n, 6) N/s and N m/s, in a way that tells
+    the lag, `own_speed`, or as another slope would, `fitted_speed`; the `noise` (6,) of a part's mean; what is
+    `left` of the forces, N.
     """
 
     R: Array
     lag_std: float
     slope: Array
-    speed: Array
+    own_speed: Array
+    fitted_speed: Array
     noise: Array
     left: float
 
@@ -96,7 +98,8 @@ def poses_on_the_way(samples: Samples, elsewhere: Sequence[slice]) -> tuple[Pose
     U, _, Vt = np.linalg.svd(fit.R.reshape(-1, 3, 3))
     nearest = U @ Vt
     at_nearest = wrench + (nearest.reshape(-1, 9) - fit.R) @ fit.slope  # a mean over an arc lies within it
-    lagging = fit.lag_std * fit.speed
+    # one lag for all parts: what a slope makes of it does not average out over them, as noise of each would
+    lagging = fit.lag_std * np.hypot(fit.own_speed, np.sqrt(len(rows)) * fit.fitted_speed)
     variance = fit.noise**2 + (parts.acceleration[:, None] * weight) ** 2
     return tuple(
         Pose(R, mean, np.diag(own) + np.outer(v, v), parts.rows, float(t[k[0]]), float(t[k[-1]]), None)
@@ -160,7 +163,7 @@ def _fitted(wrench: Array, samples: Samples, parts: _Parts, period: float) -> _F
         own = speed - explains @ np.linalg.lstsq(explains[usual], speed[usual], rcond=1e-6)[0]
         information = float(np.sum((own / noise)[usual] ** 2)) + LARGEST_LAG**-2
         lag -= (float(np.sum((own * left / noise**2)[usual])) + lag * LARGEST_LAG**-2) / information
-    return _Fit(R, information**-0.5, solution[:9], speed, noise, float(np.linalg.norm(typical[:3])))
+    return _Fit(R, information**-0.5, solution[:9], own, speed - own, noise, float(np.linalg.norm(typical[:3])))
 
 
 def _parts_per_independent(left: Array) -> Array:
