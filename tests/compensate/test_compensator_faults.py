@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import ContactWrenches
+from contactwrench.model import AXES
 from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.rigs import NOISE
 from tests.support.world import Array, readings
@@ -195,6 +196,31 @@ def test_a_stuck_channel() -> None:
     assert batch.reason[1500] == "stuck: ty has not moved for 500 readings while others did"
     assert (batch.contact[flagged] == -1).all()
     assert np.abs(batch.wrench[2000:] / batch.std[2000:]).max() < 6.5
+
+
+@pytest.mark.parametrize("fast", [False, True])
+@pytest.mark.parametrize("channel", [0, 5])
+def test_a_channel_that_never_moved_while_the_others_of_its_group_do_is_stuck(channel: int, fast: bool) -> None:
+    calibration, rig, rng = calibrated(8)
+    R = _swing(3000)
+    wrench = free(rig, R, rng)
+    wrench[:, channel] = 1.234
+    batch = cw.Compensator(calibration, rate=RATE, fast=fast).run(wrench, R, times(3000))
+    flagged = np.flatnonzero([str(reason).startswith(f"stuck: {AXES[channel]}") for reason in batch.reason])
+    assert flagged.tolist() == list(range(flagged[0], 3000))
+    assert 1000 <= flagged[0] < 1010
+
+
+@pytest.mark.parametrize("noises", [0.3, 1.0, 3.0, 20.0])
+def test_one_at_rest_that_is_three_times_as_coarse_as_the_others_is_not(noises: float) -> None:
+    """As the axis along a sensor is; from some noises a step on it may stay where it is for ever."""
+    calibration, rig, rng = calibrated(8)
+    R = still(rng, 4000)
+    wrench = free(rig, R, rng)
+    for channel, step in enumerate(noises * NOISE[:3] * [1.0, 1.0, 3.0]):
+        wrench[:, channel] = np.round(wrench[:, channel] / step) * step
+    batch = cw.Compensator(calibration, rate=RATE, fast=False).run(wrench, R, times(4000))
+    assert "stuck" not in _words(batch)
 
 
 def test_a_short_repeat_and_a_coarse_sensor_are_not_stuck() -> None:

@@ -22,8 +22,8 @@ UNITS = ("N", "N", "N", "N m", "N m", "N m")
 LATEST = TIME.most
 SQUARED_TOLERANCE = 0.02
 """As in geometry/orientation.py: an orientation may be off unit length by 1 %."""
-LEAST_REPEATS = 100.0
-"""Of a channel while others move."""
+LEAST_REPEATS, NEVER_MOVED = 100.0, 10.0
+"""Of a channel while others move; times as many of one that never did, whose noise and quantum are its group's."""
 CHANCE_OF_REPEATS = 207.0
 """-10 log 1e-9: a run of repeated values that independent noise gives once in 10^9, ten times over, as noise that was
 filtered moves that much more slowly."""
@@ -209,6 +209,23 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
 
 
 @kernel
+def repeats_allowed(s: State, channel: int) -> float:
+    """How often a channel may repeat itself: as often as its noise and its quantum allow, or, where it never moved and
+    the others of its group did, ten times as often as those.
+    """
+    allowed = CHANCE_OF_REPEATS / -s.log_same[channel] if s.log_same[channel] < 0.0 else inf
+    if s.quantum[channel] == inf:
+        group, moved, of_others = channel // 3 * 3, 0, -inf
+        for k in range(group, group + 3):
+            if s.quantum[k] < inf:
+                moved += 1
+                of_others = max(of_others, s.log_same[k])
+        if moved == 2 and of_others < 0.0:
+            allowed = min(allowed, NEVER_MOVED * max(LEAST_REPEATS, CHANCE_OF_REPEATS / -of_others))
+    return max(LEAST_REPEATS, allowed)
+
+
+@kernel
 def stuck_channel(s: State, reading: Row, now: float) -> int:
     """The channel that has stood still for longer than its noise and its quantum allow, 6 for all together, or -1. One
     that was never anything but zero is not measured.
@@ -235,9 +252,8 @@ def stuck_channel(s: State, reading: Row, now: float) -> int:
         step = abs(value - last[k])
         if step == 0.0:
             repeats[k] += 1.0
-            allowed = CHANCE_OF_REPEATS / -s.log_same[k] if s.log_same[k] < 0.0 else inf
             measured = value != 0.0 or quantum[k] < inf
-            if measured and repeats[k] > max(LEAST_REPEATS, allowed):
+            if measured and repeats[k] > repeats_allowed(s, k):
                 stuck = k
         else:
             repeats[k] = 0.0
