@@ -117,6 +117,23 @@ def test_a_calibration_does_without_them_and_says_so(tmp_path: Path, capsys: Cap
     assert cw.Calibration.load(tmp_path / "tool.json").weight == pytest.approx(WEIGHT, abs=0.1)
 
 
+@pytest.mark.parametrize("names", [("qx", "qy", "qz", "qw"), MATRIX])
+def test_an_orientation_of_zeros_is_none(tmp_path: Path, capsys: Capture, names: tuple[str, ...]) -> None:
+    """As loggers fill in what did not come; three angles that are zero are an orientation."""
+    tool, (t, wrench, R) = calibrated(tmp_path, 1), recorded(1)
+    turn = Rotation.from_matrix(R).as_quat() if len(names) == 4 else R.reshape(N, 9)
+    turn[700:720] = 0.0
+    path = written(tmp_path, csv_text(("t", *WRENCH, *names), np.column_stack([t, wrench, turn])), "run.csv")
+    done = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "o.csv")
+    assert done.status == 0
+    assert "no orientation from 6.990 s to 7.200 s: 20 readings left out" in done.err
+    angles = np.zeros((N, 3))
+    table = csv_text(("t", *WRENCH, "rx", "ry", "rz"), np.column_stack([t, wrench, angles]))
+    done = run(capsys, "compensate", written(tmp_path, table, "b.csv"), "-c", tool, "-o", tmp_path / "b_o.csv")
+    assert done.status == 0
+    assert "no orientation" not in done.err
+
+
 def test_a_whole_recording_says_nothing_of_it(tmp_path: Path, capsys: Capture) -> None:
     tool, (t, wrench, R) = calibrated(tmp_path, 4), recorded(4)
     path = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), np.column_stack([t, wrench, R.reshape(-1, 9)])), "a.csv")

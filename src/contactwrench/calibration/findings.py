@@ -78,6 +78,7 @@ class Kind(StrEnum):
     NOT_RIGID = "not_rigid"
     POSITIONS_IN_DOUBT = "positions_in_doubt"
     SLOW_POSES = "slow_poses"
+    DELAY_IN_DOUBT = "delay_in_doubt"
     DELAY_OF_MOTION = "delay_of_motion"
     ACCELEROMETER = "accelerometer"
     OTHER = "other"

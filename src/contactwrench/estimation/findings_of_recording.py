@@ -14,10 +14,11 @@ from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
 from ..samples.creep import Creep
+from ..samples.delay import is_significant
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.recorded_poses import RecordedPoses
 from ..samples.samples import Samples, spikes
-from ..statistics import force_and_torque
+from ..statistics import force_and_torque, two_digits
 from .estimate import Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, SIGNIFICANCE, WARNING, WEAK, those_that_hold
 from .noise import PoseReadings, in_time, readings_of
@@ -33,6 +34,8 @@ ALLOWED, NEGLIGIBLE = 3.0, 0.002
 """Standard deviations of the weight, and part of it: creep that makes it wrong by less than either is not said. No data
 sheet promises a better gain.
 """
+LATE, TURNING = 0.005, float(np.deg2rad(60.0))
+"""s that do not matter, and rad/s of an arm at work."""
 MOST_CREEP = 0.5
 """Share of a change of load: of sensors 0.2 is much; lost rows and clocks that stepped read as 0.6 to 1.8."""
 
@@ -84,6 +87,22 @@ def _named(rows: NDArray[np.intp]) -> str:
     first, last = int(rows[0]) + 1, int(rows[-1]) + 1
     some = "" if last - first < len(rows) else f" ({len(rows)} of them)"
     return f"row {first}" if first == last else f"rows {first} to {last}{some}"
+
+
+def of_delay(samples: Samples, estimate: Estimate) -> list[Finding]:
+    """That the delay between wrench and orientation is not known from zero, where that matters while the arm turns."""
+    delay, std = samples.delay, samples.delay_std
+    if delay is None or not std or is_significant(delay, std):
+        return []
+    late = float(np.hypot(delay, std))
+    off = min(late * TURNING, 2.0) * estimate.weight_scale
+    text = (
+        f"the delay between wrench and orientation is known within {two_digits(1e3 * late)} ms only, and not made up "
+        f"for: while the arm turns at 60 deg/s contact forces may be {two_digits(off)} N off; move faster between the "
+        "stops, record positions too, or state --delay"
+    )
+    matters = late > LATE and off > ALLOWED * float(np.linalg.norm(estimate.noise[:3]))
+    return those_that_hold([(matters, WARNING, Kind.DELAY_IN_DOUBT, text)])
 
 
 def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Array) -> Calibration:

@@ -122,6 +122,9 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
     if not best[0].kept.all():
         anywhere = _start(problem, Search(True, True), best[0].kept)
         near_nominal = _is_near_nominal(problem, anywhere)
+        clean = settled(problem, anywhere, best[0].kept, nominal)  # those left out may have led far off
+        if clean.log_evidence > best[0].log_evidence + CLOSE_RIVAL:
+            best = look(problem, clean.tool, nominal)
     if near_nominal:
         return best
     rivals = [(m, b) for m, b in ((True, True), (False, True), (True, False)) if m >= mounting and b >= base]
