@@ -188,10 +188,8 @@ class OffThroughout:
         """A sentence; empty where nothing is in doubt."""
         if self.rows < MOST_OF_PUSHES or self.off < NEARLY_ALL * self.rows:
             return ""
-        share = f"{self.off / self.rows:.0%} of the rows"
-        return (
-            f"more than {two_digits(self.least)} N are left of the force in {share}: {OTHERWISE}, or something is held"
-        )
+        found = f"more than {two_digits(self.least)} N are left of the force in {self.off / self.rows:.0%} of the rows"
+        return f"{found}: {OTHERWISE}, something is held, or the arm moves fast"
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,7 @@ from .estimate import Estimate, RigidEstimate
 from .findings import doubts
 from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
 from .findings_of_knowledge import of_known, of_prior
-from .findings_of_recording import contact_free, of_delay, of_recording, rows_apart, weight_changed, with_creep
+from .findings_of_recording import contact_free, of_estimate, of_recording, rows_apart, with_creep
 from .in_motion import with_earlier_inertia, with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
@@ -278,8 +278,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         observability=observability,
         findings=(
             *recorded.findings,
-            *of_delay(recorded.samples, estimate),
-            *weight_changed(estimate, kept, question, recorded.found.visits),
+            *of_estimate(estimate, recorded.samples, recorded.readings, question, recorded.found.visits),
             *of_beliefs(estimate, poses, _first_time(recorded.samples)),
             *of_sign,
             *doubts(estimate, kept, question, observability.trade_offs),

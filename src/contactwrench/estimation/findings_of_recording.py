@@ -89,6 +89,19 @@ def _named(rows: NDArray[np.intp]) -> str:
     return f"row {first}" if first == last else f"rows {first} to {last}{some}"
 
 
+def of_estimate(
+    estimate: Estimate, samples: Samples, readings: PoseReadings, question: Question, visits: tuple[Pose, ...] | None
+) -> list[Finding]:
+    """What of a recording, its poses' `readings` and the `visits` to them, the estimate leaves in doubt: its delay, and
+    whether the load was one.
+    """
+    return [
+        *of_delay(samples, estimate),
+        *step_or_load(estimate, readings),
+        *weight_changed(estimate, readings.select(estimate.kept), question, visits),
+    ]
+
+
 def of_delay(samples: Samples, estimate: Estimate) -> list[Finding]:
     """That the delay between wrench and orientation is not known from zero, where that matters while the arm turns."""
     delay, std = samples.delay, samples.delay_std
@@ -208,3 +221,29 @@ def weight_changed(
         f"{first} poses that count: something was dropped, picked up, or fills; calibrate each part alone"
     )
     return those_that_hold([(by_chance < SIGNIFICANCE and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text)])
+
+
+def step_or_load(fit: Estimate, readings: PoseReadings) -> list[Finding]:
+    """That the bias stepped, where another load from that pose on would leave as little of the forces of all `readings`
+    that are kept: in a cone gravity pulls in one direction, and both are a change in that.
+    """
+    from scipy.special import chdtri
+
+    drift = fit.beliefs.drift if isinstance(fit, RigidEstimate) and fit.beliefs is not None else None
+    if drift is None or drift.first_after is None or not fit.bias_moved:
+        return []
+    kept = readings.select(fit.kept)
+    n, after = len(kept), np.flatnonzero(fit.kept) >= drift.first_after
+    r = gravity_in_flange(kept.R_base_flange, fit.gravity_direction)
+    basis = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q
+    load = after[:, None] * (r @ fit.B[:3, :3].T)
+    load, left = (each - basis @ (basis.T @ each) for each in (load, kept.wrench[:, :3]))
+    share = float(np.sum(load * left) / max(np.sum(load**2), 1e-300))
+    misfit = float(np.sum(((left - share * load) / fit.noise[:3]) ** 2))
+    text = (
+        f"what is told as a step of the bias may be a load that weighs {two_digits(abs(share) * fit.weight_scale)} N "
+        f"{'more' if share > 0.0 else 'less'} from there on: was another tool mounted? calibrate each part alone, or "
+        "tilt it further"
+    )
+    alike = misfit < float(chdtri(max(3.0 * n - 13.0, 1.0), SIGNIFICANCE))
+    return those_that_hold([(alike and abs(share) > CHANGED, DOUBTFUL, Kind.WEIGHT_CHANGED, text)])
