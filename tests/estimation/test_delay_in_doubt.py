@@ -14,8 +14,8 @@ from tests.support.world import noisy_readings
 def said_of(delay: float | None, std: float | None, noise: float = 0.1) -> list[str]:
     rig, R, rng = example(3)
     wrench = noisy_readings(rig, R, noise * NOISE, rng)
-    found = cw.calibrate(cw.Samples(wrench, R, 5.0 * np.arange(float(len(R))), delay=delay, delay_std=std), "mount").findings
-    said = [finding for finding in found if finding.kind is Kind.DELAY_IN_DOUBT]
+    samples = cw.Samples(wrench, R, 5.0 * np.arange(float(len(R))), delay=delay, delay_std=std)
+    said = [finding for finding in cw.calibrate(samples, "mount").findings if finding.kind is Kind.DELAY_IN_DOUBT]
     assert all(finding.severity is Severity.WARNING for finding in said)
     return [finding.text for finding in said]
 
