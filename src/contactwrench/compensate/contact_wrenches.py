@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 from ..calibration.calibration import Calibration
 from ..calibration.fields import ROWS_AT_ONCE
 from ..errors import InputError
-from ..estimation.noise import variance_of_means
 from ..geometry.arrays import Array, Frozen, Rows, Sealed, column, numbers, read_only
 from ..geometry.wrench import cross_matrix, wrench_transform
 from ..model import mounting_turn
 from ..samples.flange_motion import FlangeMotion, flange_motion
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
-from ..statistics import two_digits
 from .faults import Reason
 from .line_of_action import LineOfAction, line_of_action
 
@@ -33,17 +31,6 @@ NOT_GIVEN: Any = None
 """Of a column: left out, or filled in."""
 NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
 """Of the column `contact`."""
-LONG, STEADY, MARGIN = 10.0, 0.05, 1.2
-"""s for which no hand keeps as even: within this share of the force, and so many times the variance."""
-MOST_OF_TIME = 0.75
-"""Share of the samples in contact, from which on it is in doubt, however it goes."""
-PART_OF_WEIGHT, NEARLY_ALL, MOST_OF_PUSHES = 0.1, 0.9, 100
-"""Of the weight, and of the rows: orientations that have nothing to do with the readings leave less in few of them; and
-rows, of which fewer may well be pushes alone."""
-OTHERWISE = (
-    "if nothing touches, it has another tool (calibrate it), another zero (calibrate --prior), or is not read as the "
-    "calibration was (sign, units, orientation)"
-)
 BLANK: dict[str, Callable[[int], Any]] = {
     "valid": lambda n: np.ones(n, np.bool_),
     "reason": lambda n: (None,) * n,
@@ -128,68 +115,6 @@ class ContactWrenches(Rows):
         plain: dict[str, Any] = {"covariance_of": None, "covariance": None}
         contacts = tuple(contact for part in parts for contact in part.contacts)
         return replace(super().concatenate(parts), contacts=contacts, **plain)
-
-
-class InDoubt:
-    """Whether contact, batch by batch, may be another tool or a zero that moved: it lasts, by a force that a weight, a
-    bias and a steady drift explain, as they do no hand's, or there is one for most of the time.
-    """
-
-    def __init__(self, calibration: Calibration) -> None:
-        self.calibration, self.rows, self.touching = calibration, 0, 0
-        self.start, self.last, self.lasts = np.nan, np.nan, np.empty((0, 8))
-
-    def add(self, samples: Samples, batch: ContactWrenches) -> None:
-        """The next n > 0 samples, which have times; ten a second of a contact that lasts are kept."""
-        t, touching = np.asarray(samples.t), batch.contact == TOUCHING
-        self.start, self.rows = np.fmin(self.start, t[0]), self.rows + len(t)
-        self.touching += int(np.sum(touching))
-        if (free := np.flatnonzero(batch.contact == FREE)).size:
-            self.lasts, touching[: free[-1]] = self.lasts[:0], False
-        read = self.calibration.predict(samples.R_base_flange)[:, :3]
-        variance = np.sum(batch.std[:, :3] ** 2, axis=1)
-        known = (t - self.start, read - self.calibration.bias[:3], samples.wrench[:, :3] - read, variance)
-        kept = touching & np.isfinite(variance) & (np.diff(np.floor(10.0 * t), prepend=self.last) != 0.0)
-        self.last = np.floor(10.0 * t[-1])
-        self.lasts = np.vstack([self.lasts, np.column_stack(known)[kept]])
-
-    def __str__(self) -> str:
-        """A sentence; empty where nothing is in doubt."""
-        t, load, force, variance = np.split(self.lasts, (1, 4, 7), axis=1)
-        of_axis = np.tile(np.eye(3), (len(t), 1, 1))
-        known = np.concatenate([load[..., None], of_axis, t[..., None] * of_axis], axis=2).reshape(-1, 7)
-        left = force.ravel() - known @ np.linalg.lstsq(known, force.ravel(), rcond=None)[0]
-        even = left @ left <= MARGIN * np.sum(variance) + STEADY**2 * np.sum(force**2)
-        found = f"in contact for {self.touching / max(self.rows, 1):.0%} of the time"
-        if even and len(t) and t[-1, 0] - t[0, 0] >= LONG:
-            found += f", from {t[0, 0]:.4g} s on to the end by a force as of a weight or a bias"
-        elif self.touching <= MOST_OF_TIME * self.rows:
-            return ""
-        return f"{found}: {OTHERWISE}, or it drifted (--drift)"
-
-
-class OffThroughout:
-    """Whether forces that are not judged for contact are a part of the weight in nearly all of many rows, batch by
-    batch: no arm touches something all the time.
-    """
-
-    def __init__(self, calibration: Calibration) -> None:
-        weight = float(np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False)))
-        of_row = variance_of_means(calibration.noise, calibration.fitted_poses, np.ones(1))[0, :3]
-        self.least = PART_OF_WEIGHT * weight + 3.0 * float(np.sqrt(np.sum(of_row)))
-        self.rows, self.off = 0, 0
-
-    def add(self, batch: ContactWrenches) -> None:
-        """The next rows; those without a contact wrench do not count."""
-        force = np.linalg.norm(batch.wrench[:, :3], axis=1)
-        self.rows, self.off = self.rows + int(np.sum(force >= 0.0)), self.off + int(np.sum(force > self.least))
-
-    def __str__(self) -> str:
-        """A sentence; empty where nothing is in doubt."""
-        if self.rows < MOST_OF_PUSHES or self.off < NEARLY_ALL * self.rows:
-            return ""
-        found = f"more than {two_digits(self.least)} N are left of the force in {self.off / self.rows:.0%} of the rows"
-        return f"{found}: {OTHERWISE}, something is held, or the arm moves fast"
 
 
 @dataclass(frozen=True, eq=False)

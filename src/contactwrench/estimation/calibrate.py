@@ -197,8 +197,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     G.require(g, "g")
     free, findings = contact_free(samples := even_rows(samples)[0])
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
-    stream = is_stream(samples)
-    free = with_delay_of_rows(free) if stream else free
+    free = with_delay_of_rows(free) if (stream := is_stream(samples)) else free
     recorded = recorded_poses(free, MOST_VISITS, stream)
     dead = dead_channels(free, question.gravity_direction)
     ordered, few = stream or len(recorded.visits or ()) > REVISITED * len(recorded.poses), few_repeats(recorded)
@@ -210,6 +209,8 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
         recorded = agreed(free, recorded, (estimate.noise, float(estimate.dof.min())) if few else None)
         poses = in_time(recorded.poses)
         estimate = fitted(readings := readings_of(poses, ordered and not recorded.apart), question)
+    if recorded.lag is not None:
+        estimate = fitted(readings.with_lag(recorded.lag), question).with_noise_of(estimate)
     findings += (*of_recording(recorded, _first_time(free)), *rows_apart(recorded, free.wrench), *dead)
     return Recorded(free, poses, readings, estimate, findings, g, recorded)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,10 @@ class Estimate:
     reduced_chi2: float
     readings_left: Array
     singular_values: Array
+
+    def with_noise_of(self, other: Estimate) -> Self:
+        """The same, as noisy as `other`, to the same poses, whose covariance does without what they are off alike."""
+        return replace(self, noise=other.noise, reduced_chi2=other.reduced_chi2)
 
     @property
     def residuals(self) -> Array:

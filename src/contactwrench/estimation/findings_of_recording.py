@@ -34,7 +34,7 @@ ALLOWED, NEGLIGIBLE = 3.0, 0.002
 """Standard deviations of the weight, and part of it: creep that makes it wrong by less than either is not said. No data
 sheet promises a better gain.
 """
-LATE, TURNING = 0.005, float(np.deg2rad(60.0))
+LATE, TURNING = 0.01, float(np.deg2rad(60.0))
 """s that do not matter, and rad/s of an arm at work."""
 MOST_CREEP = 0.5
 """Share of a change of load: of sensors 0.2 is much; lost rows and clocks that stepped read as 0.6 to 1.8."""
@@ -105,14 +105,14 @@ def of_estimate(
 def of_delay(samples: Samples, estimate: Estimate) -> list[Finding]:
     """That the delay between wrench and orientation is not known from zero, where that matters while the arm turns."""
     delay, std = samples.delay, samples.delay_std
-    if delay is None or not std or is_significant(delay, std):
+    if delay is None or not std or not np.isfinite(std) or is_significant(delay, std):
         return []
     late = float(np.hypot(delay, std))
     off = min(late * TURNING, 2.0) * estimate.weight_scale
     text = (
         f"the delay between wrench and orientation is known within {two_digits(1e3 * late)} ms only, and not made up "
-        f"for: while the arm turns at 60 deg/s contact forces may be {two_digits(off)} N off; move faster between the "
-        "stops, record positions too, or state --delay"
+        f"for: while the arm turns at 60 deg/s contact forces may be {two_digits(off)} N off; turn faster between the "
+        "stops, record positions too, or give compensate its --delay"
     )
     matters = late > LATE and off > ALLOWED * float(np.linalg.norm(estimate.noise[:3]))
     return those_that_hold([(matters, WARNING, Kind.DELAY_IN_DOUBT, text)])

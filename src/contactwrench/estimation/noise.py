@@ -10,7 +10,7 @@ begins. That the axes are alike, and that they are apart, are two hypotheses (hy
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -107,6 +107,13 @@ class PoseReadings:
         """The poses of a mask (n,)."""
         time = None if self.time is None else self.time[kept]
         return PoseReadings(self.R_base_flange[kept], self.wrench[kept], self.variance[kept], time)
+
+    def with_lag(self, lag: Array) -> PoseReadings:
+        """The same, as uncertain as one `lag` (10, 6) of all poses leaves them (`RecordedPoses`): what it makes of each
+        does not average out over them, as noise does.
+        """
+        late = np.column_stack([self.R_base_flange.reshape(-1, 9), np.ones(len(self))]) @ lag
+        return replace(self, variance=self.variance + len(self) * late**2)
 
     @property
     def least_variance(self) -> Array:

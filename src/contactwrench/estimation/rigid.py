@@ -112,8 +112,11 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
     if question.earlier is not None:
         return look(problem, tool_of(question.earlier), hypotheses_of(question, False, False))
     if question.model != "auto":
-        begin = _start(problem, SEARCH_OF_MODEL[question.model]) if begin is None else begin
-        return look(problem, begin, hypotheses_of(question, False, False))
+        search, free = SEARCH_OF_MODEL[question.model], hypotheses_of(question, False, False)
+        if begin is not None:
+            return look(problem, begin, free)
+        best = look(problem, _start(problem, search), free)
+        return best if best[0].kept.all() else _led_by_the_others(problem, best, _start(problem, search, best[0].kept))
     mounting, base = question.priors.mount is None, question.priors.base is None
     nominal = hypotheses_of(question, False, False)
     anywhere = _start(problem, Search(True, True))
@@ -122,9 +125,7 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
     if not best[0].kept.all():
         anywhere = _start(problem, Search(True, True), best[0].kept)
         near_nominal = _is_near_nominal(problem, anywhere)
-        clean = settled(problem, anywhere, best[0].kept, nominal)  # those left out may have led far off
-        if clean.log_evidence > best[0].log_evidence + CLOSE_RIVAL:
-            best = look(problem, clean.tool, nominal)
+        best = _led_by_the_others(problem, best, anywhere)
     if near_nominal:
         return best
     rivals = [(m, b) for m, b in ((True, True), (False, True), (True, False)) if m >= mounting and b >= base]
@@ -137,6 +138,17 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
         if rival.log_evidence > best[0].log_evidence - CLOSE_RIVAL:
             found.append(look(problem, rival.tool, hypotheses))
     return max(found, key=lambda tables: tables[0].log_evidence)
+
+
+def _led_by_the_others(problem: Problem, best: list[Table], begin: RigidTool) -> list[Table]:
+    """The best tables, or those found from where the poses kept lead to `begin`: the ones left out may have led so far
+    off that no step leads back.
+    """
+    first = best[0]
+    clean = settled(problem, begin, first.kept, first.hypotheses)
+    if clean.log_evidence <= first.log_evidence + CLOSE_RIVAL:
+        return best
+    return max(best, explored(problem, clean.tool, first.hypotheses), key=lambda tables: tables[0].log_evidence)
 
 
 def _is_near_nominal(problem: Problem, tool: RigidTool) -> bool:

@@ -17,15 +17,7 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import Compensator
-from ..compensate.contact_wrenches import (
-    ContactWrenches,
-    InDoubt,
-    OffThroughout,
-    contact_wrenches,
-    in_axes,
-    motion_of,
-    require_frame,
-)
+from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
 from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
@@ -38,6 +30,7 @@ from ..samples.timestamps import spread_evenly
 from .accelerations import with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
+from .contacts_in_doubt import InDoubt, OffThroughout
 from .in_order import NOTHING, InOrder, without_wrench
 from .options import Options
 from .read import bag_blocks, batches, pairs_in_batches, reader_of, samples_of

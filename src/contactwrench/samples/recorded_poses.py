@@ -95,7 +95,8 @@ class RecordedPoses:
     them the reading `moved`, and how many `segments` made the poses (0: the rows of a table did); how many poses were
     taken `on_the_way` of an arm that turns slowly; the `still_noise` of the segments, and the `creep` that they show;
     of a table the `label` (n,) of each row's pose, negative of none, and rows that are `apart` from others at their
-    orientation, and whether they were left out (agreement.py).
+    orientation, and whether they were left out (agreement.py); what the `lag` (10, 6) of poses on the way makes of all
+    (slow_motion.py).
     """
 
     poses: tuple[Pose, ...]
@@ -108,6 +109,7 @@ class RecordedPoses:
     creep: Creep | None = None
     label: NDArray[np.intp] | None = None
     apart: tuple[tuple[NDArray[np.intp], NDArray[np.intp], bool], ...] = ()
+    lag: Array | None = None
 
 
 def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = None) -> RecordedPoses:
@@ -132,7 +134,8 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     stood = still.accepted + still.rejected
     label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]).reshape(-1, 3, 3))
     count = len(set(label.tolist()))
-    moving = poses_on_the_way(samples, [segment.rows for segment in stood]) if count < FEW_STOPS else ()
+    few = count < FEW_STOPS
+    moving, lag = poses_on_the_way(samples, [segment.rows for segment in stood]) if few else ((), None)
     if not still.accepted and not moving:
         raise InputError(_never_still(samples, still))
     visit = visits(label, most_visits)
@@ -145,6 +148,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         len(moving),
         still.noise,
         _creep_of(samples, still),
+        lag=lag,
     )
 
 

@@ -59,23 +59,24 @@ class _Parts:
 @dataclass(frozen=True, eq=False)
 class _Fit:
     """The linear fit of readings to orientations: the mean matrices `R` (n, 9) at the lag found, `lag_std` s of
-    it; what one reads there, (9, 6), by `slope`, and how fast that changes, (n, 6) N/s and N m/s, in a way that tells
-    the lag, `own_speed`, or as another slope would, `fitted_speed`; the `noise` (6,) of a part's mean; what is
-    `left` of the forces, N.
+    it; what one reads there, (9, 6), by `slope`, and how fast that changes, `speed` (n, 6) N/s and N m/s, of which
+    `alike` (10, 6) is linear in the orientation and a constant, too; the `noise` (6,) of a part's mean; what is `left`
+    of the forces, N.
     """
 
     R: Array
     lag_std: float
     slope: Array
-    own_speed: Array
-    fitted_speed: Array
+    speed: Array
+    alike: Array
     noise: Array
     left: float
 
 
-def poses_on_the_way(samples: Samples, elsewhere: Sequence[slice]) -> tuple[Pose, ...]:
+def poses_on_the_way(samples: Samples, elsewhere: Sequence[slice]) -> tuple[tuple[Pose, ...], Array | None]:
     """Poses from where the arm turns slowly, at most `MOST_POSES`; none where it turns too fast or too little, or where
-    gravity does not explain the readings.
+    gravity does not explain the readings. And what a standard deviation of their one lag makes of a reading, (10, 6)
+    times the matrix of the orientation, row by row, and 1: as far as another tool would, no reading tells it.
 
     Args:
         samples: with times, rows in the order in which they were recorded.
@@ -84,27 +85,27 @@ def poses_on_the_way(samples: Samples, elsewhere: Sequence[slice]) -> tuple[Pose
     period, runs = blocks_of(samples)
     t = samples.t
     if t is None or not runs:
-        return ()
+        return (), None
     parts = _slow_parts(samples, runs, period, elsewhere)
     if len(parts.first) < FEWEST_POSES:
-        return ()
+        return (), None
     rows = parts.first[:, None] + np.arange(parts.rows)
     wrench = samples.wrench[rows].mean(axis=1)
     fit = _fitted(wrench, samples, parts, period)
     change = wrench[:, :3].std(axis=0)
     if fit.left > MOST_LEFT * np.linalg.norm(change):
-        return ()
+        return (), None
     weight = np.repeat(np.sqrt(wrench.var(axis=0).reshape(2, 3).sum(axis=1)), 3)
     U, _, Vt = np.linalg.svd(fit.R.reshape(-1, 3, 3))
     nearest = U @ Vt
     at_nearest = wrench + (nearest.reshape(-1, 9) - fit.R) @ fit.slope  # a mean over an arc lies within it
-    # one lag for all parts: what a slope makes of it does not average out over them, as noise of each would
-    lagging = fit.lag_std * np.hypot(fit.own_speed, np.sqrt(len(rows)) * fit.fitted_speed)
+    lagging = fit.lag_std * fit.speed
     variance = fit.noise**2 + (parts.acceleration[:, None] * weight) ** 2
-    return tuple(
+    poses = tuple(
         Pose(R, mean, np.diag(own) + np.outer(v, v), parts.rows, float(t[k[0]]), float(t[k[-1]]), None)
         for R, mean, v, own, k in zip(nearest, at_nearest, lagging, variance, rows, strict=True)
     )
+    return poses, fit.lag_std * fit.alike
 
 
 def _slow_parts(samples: Samples, runs: list[Blocks], period: float, elsewhere: Sequence[slice]) -> _Parts:
@@ -160,10 +161,11 @@ def _fitted(wrench: Array, samples: Samples, parts: _Parts, period: float) -> _F
         typical = np.maximum(typical, 1e-9 * np.abs(wrench).max())
         usual = (np.abs(left) < OUTLYING * typical).all(axis=1)
         noise = typical * np.sqrt(_parts_per_independent(left[usual]))
-        own = speed - explains @ np.linalg.lstsq(explains[usual], speed[usual], rcond=1e-6)[0]
+        alike = np.linalg.lstsq(explains[usual], speed[usual], rcond=1e-6)[0]
+        own = speed - explains @ alike
         information = float(np.sum((own / noise)[usual] ** 2)) + LARGEST_LAG**-2
         lag -= (float(np.sum((own * left / noise**2)[usual])) + lag * LARGEST_LAG**-2) / information
-    return _Fit(R, information**-0.5, solution[:9], own, speed - own, noise, float(np.linalg.norm(typical[:3])))
+    return _Fit(R, information**-0.5, solution[:9], speed, alike, noise, float(np.linalg.norm(typical[:3])))
 
 
 def _parts_per_independent(left: Array) -> Array:

@@ -185,7 +185,7 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     _require(is_flag, saturated, roles.saturated, body, "0 or 1")
     _require((t[:, 1:] >= 0.0) & (t[:, 1:] < 1.0), t[:, 1:], roles.t[1:], body, "nanoseconds of 0 to 1e9")
     orientation, position = np.split(with_pose, [len(roles.orientation)], axis=1)
-    if roles.gaps and roles.convention is not None and roles.convention.angle_unit is None:  # no rotation is all zeros
+    if roles.gaps and len(roles.orientation) in (4, 9):  # no quaternion and no matrix is all zeros
         orientation = np.where(np.any(orientation != 0.0, axis=1, keepdims=True), orientation, np.nan)
     has_orientation = _rows_there(body, roles.orientation, orientation, len(roles.orientation))
     return WrittenRows(body, roles, t, wrench, load, saturated, orientation, position, has_wrench, has_orientation)

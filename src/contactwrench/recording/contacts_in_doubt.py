@@ -1,0 +1,94 @@
+"""Contact that may be none, and forces that nobody judges: another tool, another zero, or not read as calibrated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..compensate.contact_wrenches import FREE, TOUCHING, ContactWrenches
+from ..estimation.noise import variance_of_means
+from ..samples.samples import Samples
+from ..statistics import two_digits
+
+LONG, STEADY, MARGIN = 10.0, 0.05, 1.2
+"""s for which no hand keeps as even: within this share of the force, and so many times the variance."""
+MOST_OF_TIME = 0.75
+"""Share of the samples in contact, from which on it is in doubt, however it goes."""
+PART_OF_WEIGHT, NEARLY_ALL = 0.1, 0.9
+"""Of the weight, and of the rows: orientations that have nothing to do with the readings leave less in few of them."""
+FEWEST_ROWS = 100
+"""Fewer may well be pushes alone."""
+MEDIAN_STEP = 0.954
+"""Of the absolute difference of two numbers with a normal distribution, in standard deviations of one."""
+OTHERWISE = (
+    "if nothing touches, the recording has another tool (calibrate it), another zero (calibrate --prior), or is not "
+    "read as the calibration was (sign, units, orientation)"
+)
+
+
+class InDoubt:
+    """Whether contact, batch by batch, may be another tool or a zero that moved: it lasts, by a force that a weight, a
+    bias and a steady drift explain, as they do no hand's, or there is one for most of the time.
+    """
+
+    def __init__(self, calibration: Calibration) -> None:
+        self.calibration, self.rows, self.touching = calibration, 0, 0
+        self.start, self.last, self.lasts = np.nan, np.nan, np.empty((0, 8))
+
+    def add(self, samples: Samples, batch: ContactWrenches) -> None:
+        """The next n > 0 samples, which have times; ten a second of a contact that lasts are kept."""
+        t, touching = np.asarray(samples.t), batch.contact == TOUCHING
+        self.start, self.rows = np.fmin(self.start, t[0]), self.rows + len(t)
+        self.touching += int(np.sum(touching))
+        if (free := np.flatnonzero(batch.contact == FREE)).size:
+            self.lasts, touching[: free[-1]] = self.lasts[:0], False
+        read = self.calibration.predict(samples.R_base_flange)[:, :3]
+        variance = np.sum(batch.std[:, :3] ** 2, axis=1)
+        known = (t - self.start, read - self.calibration.bias[:3], samples.wrench[:, :3] - read, variance)
+        kept = touching & np.isfinite(variance) & (np.diff(np.floor(10.0 * t), prepend=self.last) != 0.0)
+        self.last = np.floor(10.0 * t[-1])
+        self.lasts = np.vstack([self.lasts, np.column_stack(known)[kept]])
+
+    def __str__(self) -> str:
+        """A sentence; empty where nothing is in doubt."""
+        t, load, force, variance = np.split(self.lasts, (1, 4, 7), axis=1)
+        of_axis = np.tile(np.eye(3), (len(t), 1, 1))
+        known = np.concatenate([load[..., None], of_axis, t[..., None] * of_axis], axis=2).reshape(-1, 7)
+        left = force.ravel() - known @ np.linalg.lstsq(known, force.ravel(), rcond=None)[0]
+        even = left @ left <= MARGIN * np.sum(variance) + STEADY**2 * np.sum(force**2)
+        found = f"in contact for {self.touching / max(self.rows, 1):.0%} of the time"
+        if even and len(t) and t[-1, 0] - t[0, 0] >= LONG:
+            found += f", from {t[0, 0]:.4g} s on to the end by a force as of a weight or a bias"
+        elif self.touching <= MOST_OF_TIME * self.rows:
+            return ""
+        return f"{found}: {OTHERWISE}, or it drifted (--drift)"
+
+
+class OffThroughout:
+    """Whether forces that are not judged for contact are a part of the weight, and beyond the noise, in nearly all of
+    many rows, batch by batch: no arm touches something all the time.
+    """
+
+    def __init__(self, calibration: Calibration) -> None:
+        of_row = variance_of_means(calibration.noise, calibration.fitted_poses, np.ones(1))[0, :3]
+        self.weight = float(np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False)))
+        self.variance, self.least, self.rows, self.off = float(np.sum(of_row)), 0.0, 0, 0
+
+    def add(self, batch: ContactWrenches) -> None:
+        """The next rows, as noisy as those of the calibration or as they are from row to row; those without a contact
+        wrench do not count.
+        """
+        force = batch.wrench[np.isfinite(batch.wrench[:, :3]).all(axis=1), :3]
+        if len(force) > 1:
+            own = np.median(np.abs(np.diff(force, axis=0)), axis=0) / MEDIAN_STEP
+            noise = np.sqrt(max(self.variance, float(np.sum(own**2))))
+            self.least = max(self.least, PART_OF_WEIGHT * self.weight + 3.0 * float(noise))
+        size = np.linalg.norm(force, axis=1)
+        self.rows, self.off = self.rows + len(size), self.off + int(np.sum(size > self.least))
+
+    def __str__(self) -> str:
+        """A sentence; empty where nothing is in doubt."""
+        if self.rows < FEWEST_ROWS or self.off < NEARLY_ALL * self.rows:
+            return ""
+        found = f"more than {two_digits(self.least)} N are left of the force in {self.off / self.rows:.0%} of the rows"
+        return f"{found}: {OTHERWISE}, something is held, or the arm moves fast"
