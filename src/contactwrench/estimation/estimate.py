@@ -40,7 +40,7 @@ class Estimate:
     singular_values: Array
 
     def with_noise_of(self, other: Estimate) -> Self:
-        """The same, as noisy as `other`, to the same poses, whose covariance does without what they are off alike."""
+        """The same with the noise of `other`, from the same readings less what all of them may be off alike by."""
         return replace(self, noise=other.noise, reduced_chi2=other.reduced_chi2)
 
     @property
