@@ -95,11 +95,8 @@ def of_estimate(
     """What of a recording, its poses' `readings` and the `visits` to them, the estimate leaves in doubt: its delay, and
     whether the load was one.
     """
-    return [
-        *of_delay(samples, estimate),
-        *step_or_load(estimate, readings),
-        *weight_changed(estimate, readings.select(estimate.kept), question, visits),
-    ]
+    changed = weight_changed(estimate, readings.select(estimate.kept), question, visits)
+    return of_delay(samples, estimate) + (changed or step_or_load(estimate, readings))
 
 
 def of_delay(samples: Samples, estimate: Estimate) -> list[Finding]:
