@@ -24,7 +24,7 @@ from contactwrench.simulate.trajectory import exciting
 from tests.assess.test_robot_arms import urdf_of
 from tests.support.recordings import written
 
-FEW_STEPS = 8
+FEW_STEPS = 20
 
 
 @cache

@@ -42,15 +42,15 @@ def changed(seed: int, R: Array, what: str) -> tuple[cw.Calibration, list[str]]:
     return found, [each.text for each in said]
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_another_tool_in_a_cone_is_never_good(seed: int) -> None:
+@pytest.mark.parametrize("seed", [0, 1, 6, 7])
+def test_another_tool_in_a_cone_may_be_a_step_and_is_never_good(seed: int) -> None:
     found, said = changed(seed, in_a_cone(np.random.default_rng(seed)), "tool")
     assert found.verdict.split(":")[0] != "good"
-    if any(each.kind is Kind.BIAS_STEPPED for each in found.findings):
-        (text,) = said
-        told = re.search(r"weighs (\S+) N more from there on", text)
-        assert told is not None
-        assert float(told[1]) == pytest.approx(0.5, abs=0.2)
+    assert any(each.kind is Kind.BIAS_STEPPED for each in found.findings)
+    (text,) = said
+    told = re.search(r"weighs (\S+) N more from there on", text)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(0.5, abs=0.2)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -52,13 +52,13 @@ def test_a_weight_that_changes_between_two_rounds_of_the_same_poses_is_said(time
     twice = np.concatenate([R, R])
     lost = np.repeat([0.0, 0.1], 10)
     wrench = noisy(rig, twice, rng, 0.3 * NOISE).wrench + _lighter(rig, twice, lost)
-    t = 20.0 * np.arange(20.0) if timed else None
-    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t), "auto" if timed else "mount"), Kind.WEIGHT_CHANGED)
+    t, model = (20.0 * np.arange(20.0), "auto") if timed else (None, "mount")
+    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t), model), Kind.WEIGHT_CHANGED)
     assert "less after the first 10 poses that count" in said.text
     wrench[[3, 13], 1] += 2.0 * rig.weight
-    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t), "mount"), Kind.WEIGHT_CHANGED)
+    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t), model), Kind.WEIGHT_CHANGED)
     assert "less after the first 9 poses that count" in said.text
-    calibration = cw.calibrate(cw.Samples(noisy(rig, twice, rng, 0.3 * NOISE).wrench, twice, t), "mount")
+    calibration = cw.calibrate(cw.Samples(noisy(rig, twice, rng, 0.3 * NOISE).wrench, twice, t), model)
     assert _of(calibration, Kind.WEIGHT_CHANGED) == []
 
 
@@ -79,8 +79,7 @@ def test_poses_that_each_explain_themselves_confirm_nothing() -> None:
         rig, R, rng = example(seed, 8)
         stated = R.copy()
         stated[4:] = R[4:] @ Rotation.from_euler("z", 90.0, degrees=True).as_matrix()
-        samples = cw.Samples(noisy(rig, R, rng).wrench, stated, 20.0 * np.arange(8.0))
-        calibration = cw.calibrate(samples, "auto" if seed == 2 else "mount")
+        calibration = cw.calibrate(cw.Samples(noisy(rig, R, rng).wrench, stated, 20.0 * np.arange(8.0)))
         assert calibration.verdict != "good"
         (said,) = _of(calibration, Kind.UNCONFIRMED)
         assert said.text.startswith("doubtful: the other poses miss what a pose reads by ")
@@ -94,7 +93,7 @@ def test_poses_that_each_explain_themselves_confirm_nothing() -> None:
 def test_few_poses_beside_an_earlier_calibration_do_not_show_that_the_tool_is_the_same(poses: int) -> None:
     rig, R, rng = example(3, 12)
     rig = replace(rig, weight=20.0)
-    earlier = cw.calibrate(noisy(rig, R, rng), "mount")
+    earlier = cw.calibrate(noisy(rig, R, rng))
     again = random_rotations(poses, rng)
     calibration = cw.calibrate(cw.Samples(noisy(rig, again, rng).wrench, again), prior=earlier)
     said = [
@@ -122,7 +121,7 @@ def test_a_bias_that_moves_beside_an_earlier_calibration_takes_what_another_tool
 def _earlier(seed: int) -> tuple[Rig, cw.Calibration, np.random.Generator]:
     rig, R, rng = example(seed, 12)
     rig = replace(rig, weight=20.0)
-    return rig, cw.calibrate(noisy(rig, R, rng), "mount"), rng
+    return rig, cw.calibrate(noisy(rig, R, rng)), rng
 
 
 def _calibrated_before(seed: int) -> tuple[Rig, cw.Calibration, np.random.Generator]:

@@ -54,7 +54,7 @@ def test_a_slow_sweep_without_stops_is_calibrated(seed: int, lag: float, rate: f
 
 
 def stirred(seed: int, period: float, second: float) -> cw.Samples:
-    """A minute and a half of turning to and fro about all axes, with one `period` s, or two alike."""
+    """A minute and a half of turning to and fro about all axes, with a `period` s and a `second` one, at once."""
     rng = np.random.default_rng(seed)
     t = np.arange(9000) / 100.0
     turns = [np.sin(2.0 * np.pi * t[:, None] / T + rng.uniform(0.0, 6.28, 3)) for T in (period, second)]
@@ -69,9 +69,9 @@ def stirred(seed: int, period: float, second: float) -> cw.Samples:
 @pytest.mark.parametrize("period", [30.0, 40.0])
 def test_of_a_motion_that_repeats_itself_the_std_counts_the_lag_that_it_does_not_tell(period: float) -> None:
     """Where all turns have one period, a wrench that is late looks like one of a mounting that is turned."""
-    u = Rotation.random(100, random_state=0).as_matrix().transpose(0, 2, 1) @ [0.0, 0.0, -1.0]
-    truth = BIAS + np.hstack([WEIGHT * u, np.cross(COM, WEIGHT * u)])
     R = Rotation.random(100, random_state=0).as_matrix()
+    u = R.transpose(0, 2, 1) @ [0.0, 0.0, -1.0]
+    truth = BIAS + np.hstack([WEIGHT * u, np.cross(COM, WEIGHT * u)])
     for seed in (0, 3):
         found = cw.calibrate(stirred(seed, period, period))
         off = np.abs(found.predict(R) - truth) / found.wrench_std(R)

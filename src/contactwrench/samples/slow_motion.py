@@ -75,8 +75,8 @@ class _Fit:
 
 def poses_on_the_way(samples: Samples, elsewhere: Sequence[slice]) -> tuple[tuple[Pose, ...], Array | None]:
     """Poses from where the arm turns slowly, at most `MOST_POSES`; none where it turns too fast or too little, or where
-    gravity does not explain the readings. And what a standard deviation of their one lag makes of a reading, (10, 6)
-    times the matrix of the orientation, row by row, and 1: as far as another tool would, no reading tells it.
+    gravity does not explain the readings. And what a standard deviation of the lag, one for all, makes of a reading, as
+    another tool or mounting would, too: [vec(R), 1] (10) times what is returned, (10, 6), N and N m.
 
     Args:
         samples: with times, rows in the order in which they were recorded.
