@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.calibration.dynamics import elements, inertial_jacobian
 from contactwrench.compensate.contact_wrenches import ContactWrenches, contact_wrenches
-from contactwrench.compensate.filters import delay_of
+from contactwrench.compensate.delay import delay_of
 from contactwrench.estimation.in_motion import tool_of
 from contactwrench.samples.accelerometer import Accelerometer
 from contactwrench.samples.flange_motion import FlangeMotion, flange_motion

@@ -29,6 +29,7 @@ def _tracking(
 def _begun(calibration: cw.Calibration, between: Array = BETWEEN) -> State:
     s = State()
     track(s, calibration, between)
+    s.quantum, s.noise_variance = [1e-3] * 6, [1.0] * 6  # of readings that nothing rounds
     s.walk, s.offset_time = WALK.tolist(), 0.0
     return s
 

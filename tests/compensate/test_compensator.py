@@ -33,6 +33,7 @@ EVERYTHING: dict[str, Any] = {
     "lowpass": LowPass(60.0, 3),
     "sensor_filter": 80.0,
     "delay": 0.0123,
+    "delay_std": 0.002,
     "drift": TYPICAL_DRIFT,
     "temperature_coefficient": np.full(6, 0.01),
 }
@@ -387,6 +388,7 @@ def test_results_are_read_only() -> None:
         ({"noise": -np.ones(6)}, "noise is -1, expected 0 to 1e+06 N or N m"),
         ({"delay": 20.0}, "delay is 20, expected -10 to 10 s (is it in ms?)"),
         ({"delay": np.nan}, "delay is nan, expected -10 to 10 s (is it in ms?)"),
+        ({"delay_std": -0.01}, "delay_std is -0.01, expected 0 to 10 s (is it in ms?)"),
         ({"drift": -np.ones(6)}, "drift is -1, expected 0 to 1e+06 N or N m"),
         ({"ranges": np.ones(2)}, "range is array([1., 1.]), expected numbers (6,), 1e-06 to 1e+09 N or N m"),
         ({"false_alarm_rate": 0.5}, "false-alarm rate is 0.5, expected 1e-09 to 0.01 per sample"),

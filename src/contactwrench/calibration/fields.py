@@ -183,10 +183,9 @@ class CalibrationFields(Frozen, WithFindings):
         R, single = rotation_matrices(orientation)
         variance = np.empty((len(R), 6))
         for start in range(0, len(R), ROWS_AT_ONCE):
-            J = self.error_jacobian(R[start : start + ROWS_AT_ONCE])
-            variance[start : start + ROWS_AT_ONCE] = np.sum((J @ self.error_covariance) * J, axis=2)
+            rows = slice(start, start + ROWS_AT_ONCE)
+            variance[rows] = self._variances(R[rows])
             if motion is not None:
-                rows = slice(start, start + ROWS_AT_ONCE)
                 variance[rows] += np.einsum("nii->ni", self.covariance_in_motion(R[rows], motion.select(rows)))
         std: Array = np.sqrt(np.maximum(variance, 0.0))
         return std[0] if single else std
@@ -259,18 +258,25 @@ class CalibrationFields(Frozen, WithFindings):
             return None
         return RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
 
+    def _variances(self, R_base_flange: Array) -> Array:
+        """Of contact wrenches from the calibration alone (n, 6), for orientations (n, 3, 3)."""
+        entries = np.vstack([np.ones(len(R_base_flange)), R_base_flange.reshape(-1, 9).T])
+        one, other = np.triu_indices(10)
+        return np.asarray((self._variance_forms @ (entries[one] * entries[other])).T)
+
+    @cached_property
+    def _variance_forms(self) -> Array:
+        """Of each axis its quadratic form (6, 55) in 1 and the entries of R_base_flange: the free wrench is linear."""
+        J = self.error_jacobian(np.eye(10, 9, -1).reshape(10, 3, 3))
+        J[1:] -= J[0]
+        forms = (J @ self.error_covariance).transpose(1, 0, 2) @ J.transpose(1, 2, 0)
+        return np.asarray((forms + forms.transpose(0, 2, 1) * (1.0 - np.eye(10)))[:, *np.triu_indices(10)])
+
     @cached_property
     def largest_std(self) -> tuple[float, float]:
-        """The largest standard deviation over all orientations of the contact force (N) and torque (N m), each the
-        root of the summed variances of its three axes; over a dense set of orientations, within 1 %.
-        """
-        J = self.error_jacobian(np.concatenate([np.zeros((1, 9)), np.eye(9)]).reshape(10, 3, 3))
-        J[1:] -= J[0]  # of 1 and of each entry of R: the free wrench is linear in them
-        R = spread_rotations(288, 24)
-        entries = np.column_stack([np.ones(len(R)), R.reshape(-1, 9)])
-        variances = (np.einsum("iap,jap->ij", part @ self.error_covariance, part) for part in (J[:, :3], J[:, 3:]))
-        force, torque = (float(np.sqrt(np.sum((entries @ each) * entries, axis=1).max())) for each in variances)
-        return force, torque
+        """The largest std over all orientations, within 1 %, of contact force (N) and torque (N m), each a norm."""
+        of_groups = self._variances(spread_rotations(288, 24)).reshape(-1, 2, 3).sum(axis=2)
+        return float(np.sqrt(of_groups[:, 0].max())), float(np.sqrt(of_groups[:, 1].max()))
 
     @property
     def expected_error(self) -> tuple[float, float]:

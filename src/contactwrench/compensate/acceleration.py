@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, numbers
-from .filters import LowPass, looked_up
+from .delay import looked_up
+from .filters import LowPass
 from .state import OF_DOWN, OF_MOTION, Matrix, Row, Sample, State, kernel
 
 FELT = OF_DOWN + OF_MOTION

@@ -2,9 +2,9 @@
 
 The offset at orientation R is `z = drift + H(R) eta + u(R)`: the drift a random walk; eta, standard normal, the error
 of the calibration's parameters (covariance L L^T, H = J(R) L); u what poses differ by for no reason that the model
-knows, which decays with the angle between two orientations. Only z is estimated. eta and u are *considered* (Schmidt,
-1966): their covariance with the error of z is carried along (of u axis by axis) and they are never updated themselves,
-so that
+knows, of which two orientations share less the further they are apart, and nothing of what readings are rounded by.
+Only z is estimated. eta and u are *considered* (Schmidt, 1966): their covariance with the error of z is carried along
+(of u axis by axis) and they are never updated themselves, so that
 
 - at one orientation z is learned from free samples, the calibration's error there included, and counted once;
 - a turn to another orientation brings back exactly the part of that error which is not known there;
@@ -13,7 +13,7 @@ so that
 
 from __future__ import annotations
 
-from math import asin, exp, log, nan, sqrt
+from math import asin, exp, inf, log, nan, pi, sqrt
 
 import numpy as np
 
@@ -33,6 +33,9 @@ TYPICAL_DRIFT = np.array([0.05, 0.05, 0.05, 0.0025, 0.0025, 0.0025])
 HOUR = 3600.0
 ALIKE = 0.5
 """rad: orientations this far apart share 1/e of what poses differ by."""
+DITHER = 4.0 * pi**2
+"""Of the mean of what is rounded to steps, with a normal noise: what is left of the error's variance falls as the
+exponential of so many variances of the noise, in steps (the first harmonic; Widrow and Kollar, 2008)."""
 LEAST_PIVOT = 1e-14
 """Of a covariance, over its diagonal: less is rounding."""
 AGE = 300.0
@@ -108,16 +111,27 @@ def crept(s: State, t: float) -> float:
 
 
 @kernel
-def predict(s: State, R: Row, now: float) -> float:
+def rounded_by(s: State, axis: int) -> float:
+    """The variance of what an axis is rounded by, as far as its noise does not carry it over the steps: the next load
+    is rounded otherwise. Of one that has not moved yet it may be all that poses differ by.
+    """
+    squared = s.quantum[axis] * s.quantum[axis]
+    if squared == inf:
+        return s.between[axis]
+    return squared / 12.0 * exp(-DITHER * s.noise_variance[axis] / squared) if squared > 0.0 else 0.0
+
+
+@kernel
+def predict(s: State, R: Row, now: float) -> None:
     """Write the offset's `systematic` covariance at another orientation and time, and `moved`, its covariance with eta
-    there; what u there shares with u here. A clock that went back adds nothing.
+    there; and the share of u that is `lost` on the way. A clock that went back adds nothing.
     """
     passed, there = max(now - s.offset_time, 0.0), s.offset_R
     a, b, c = R[0] - there[0], R[1] - there[1], R[2] - there[2]
     d, e, f = R[3] - there[3], R[4] - there[4], R[5] - there[5]
     g, h, i = R[6] - there[6], R[7] - there[7], R[8] - there[8]
     squared = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
-    lost, n = 1.0 - exp(-2.0 / ALIKE * asin(min(1.0, sqrt(squared / 8.0)))), s.parameters
+    kept, n = exp(-2.0 / ALIKE * asin(min(1.0, sqrt(squared / 8.0)))), s.parameters
     ages = (passed + s.age) / LEVEL_KNOWN
     wandered = log(1.0 + ages * ages)
     crept_on = max(crept(s, now) - crept(s, s.offset_time), 0.0)
@@ -131,8 +145,10 @@ def predict(s: State, R: Row, now: float) -> float:
             variance = s.offset_covariance[row][k] + dot(moved, s.moved[k], n)
             s.systematic[row][k] = s.systematic[k][row] = variance
         of_time = s.walk[row] * passed + s.flicker[row] * wandered + s.remnant[row] * crept_on
-        s.systematic[row][row] += of_time + 2.0 * lost * (s.between[row] - s.with_pose[row])
-    return lost
+        between, rounded = s.between[row], rounded_by(s, row)
+        s.lost[row] = 1.0 - kept * max(1.0 - rounded / between, 0.0) if between > 0.0 else 0.0
+        anew = s.lost[row] * (between - s.with_pose[row]) + max(rounded - between, 0.0)
+        s.systematic[row][row] += of_time + 2.0 * anew
 
 
 @kernel
@@ -140,13 +156,14 @@ def learn(s: State, R: Row, now: float, mean: Row, variance: Row) -> None:
     """The mean (6,) of free samples at an orientation and time goes into the offset, with its white noise's variance
     (6,), one axis after the other. The error's covariances with eta and u shrink with it; those two stay as they were.
     """
-    lost, n, C, moved = predict(s, R, now), s.parameters, s.systematic, s.moved
+    predict(s, R, now)
+    n, C, moved = s.parameters, s.systematic, s.moved
     s.offset_time, s.age = now, 0.0
     for k in range(9):
         s.offset_R[k] = R[k]
     for i in range(6):
         total, of_eta, found, column = C[i][i] + variance[i], s.of_eta, mean[i] - s.offset[i], s.column
-        s.with_pose[i] = (s.with_pose[i] + lost * (s.between[i] - s.with_pose[i])) * variance[i] / total
+        s.with_pose[i] = (s.with_pose[i] + s.lost[i] * (s.between[i] - s.with_pose[i])) * variance[i] / total
         here, eta_here = C[i], moved[i]
         for k in range(6):
             column[k] = here[k]

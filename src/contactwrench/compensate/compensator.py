@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, number, numbers, read_only, seconds
-from ..geometry.ranges import CAPACITY, DELAY, DURATION, PER_KELVIN, RATE, WALK
+from ..geometry.ranges import CAPACITY, DURATION, PER_KELVIN, RATE, WALK
 from ..geometry.wrench import wrench_rows
 from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
@@ -22,8 +22,9 @@ from .acceleration import told
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start_anew, track
 from .contact_detection import LEARN_FIRST, contact_so_far, require_let_go, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
+from .delay import use_delay
 from .faults import BACK, SAME, reason_of
-from .filters import LowPass, delay_of, gains_of_poses, use_low_pass
+from .filters import LowPass, gains_of_poses, use_low_pass
 from .inertia import known_motion, use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
@@ -32,9 +33,8 @@ from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
 GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
-LEAST_LOOK_BACK, DENSEST = 0.02, 10_000.0
-"""s: over which the arm's turn is taken that a pose which comes late is carried on with; Hz: the ring of past
-orientations and accelerations has room for this many a second."""
+DENSEST = 10_000.0
+"""Hz: the ring of past orientations and accelerations has room for this many a second."""
 
 
 class Compensator:
@@ -53,8 +53,8 @@ class Compensator:
         lowpass: of the contact wrench, a `LowPass`, or a cut-off in Hz (Butterworth of order 2).
         sensor_filter: what the sensor itself does to a wrench, a `LowPass` or a cut-off in Hz (first order); the same
             is done to the model.
-        delay: s, how much later than the orientation the wrench is stamped; None: the calibration's, where it is
-            significant.
+        delay: s, how much later than the orientation the wrench is stamped; None: the calibration's, if significant.
+        delay_std: s, of that, which counts while the arm turns; None: the calibration's, 0 of a `delay` that is stated.
         drift: std (6,) of the bias' random walk after an hour, N and N m, or one number as for `noise`; 0.05 is typical
             (`bias_tracking.TYPICAL_DRIFT`). None: not followed, as a push too slow or weak to be detected would be.
         temperature_coefficient: (6,) of the bias, N/K and N m/K.
@@ -78,6 +78,7 @@ class Compensator:
         lowpass: LowPass | float | None = None,
         sensor_filter: LowPass | float | None = None,
         delay: float | None = None,
+        delay_std: float | None = None,
         drift: ArrayLike | None = None,
         temperature_coefficient: ArrayLike | None = None,
         false_alarm_rate: float = 1e-4,
@@ -94,13 +95,13 @@ class Compensator:
         self._lowpass = lowpass if isinstance(lowpass, LowPass | None) else LowPass(lowpass)
         self._sensor = sensor_filter if isinstance(sensor_filter, LowPass | None) else LowPass(sensor_filter, 1)
         s = self._settings = State()
-        s.delay = float(DELAY.require(delay_of(calibration, self._sensor) if delay is None else delay, "delay"))
-        s.look_back = s.delay if s.delay > 0.0 else max(-s.delay, LEAST_LOOK_BACK)
+        use_delay(s, calibration, self._sensor, delay, delay_std)
         s.minimum_duration = float(DURATION.require(minimum_duration, "minimum duration")) - 1e-9
         s.ranges = six_numbers(ranges, "range", CAPACITY, inf)
         s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", PER_KELVIN)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
         use_inertia(s, calibration, self._sensor)
+        self._std_moves = s.knows_inertia or s.delay_std > 0.0
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
@@ -159,7 +160,7 @@ class Compensator:
         if vars(self).setdefault("owner", me := get_ident()) != me:  # as `by_one_thread`, without another call
             raise InputError(TAKEN)
         said, result = self._runner.step(reading, turn, t, heat, place)
-        if self._settings.knows_inertia:
+        if self._std_moves:
             self._std = self._runner.std()
         if said != ASK:
             return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
@@ -215,8 +216,7 @@ class Compensator:
         moving = () if motion is None else known_motion(self._calibration, orientation, motion)
         place = None if position is None and acceleration is None else told(self._calibration, position, acceleration)
         samples, width = given(wrench_rows(wrench)[0], orientation, t, temperature, place, *moving)
-        contacts: list[Contact] = []
-        covariances, taken = [self._covariance()], 0
+        contacts, covariances, taken = list[Contact](), [self._covariance()], 0
         while taken < len(samples):
             taken = self._runner.advance(samples, width, taken)
             events = int(samples["events"][taken - 1])
@@ -266,7 +266,7 @@ class Compensator:
     def _attend(self, events: int) -> None:
         """Do what a sample leaves to be done."""
         s = self._runner.state
-        if events & COVARIANCE and not s.knows_inertia:
+        if events & COVARIANCE and not self._std_moves:
             self._std = read_only(s.wrench_std)
         if events & ENDED:
             self._last_contact = contact_so_far(s, self._noise, float(s.release))

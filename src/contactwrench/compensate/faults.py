@@ -259,7 +259,7 @@ def stuck_channel(s: State, reading: Row, now: float) -> int:
             repeats[k] = 0.0
             last[k] = value
             if step < quantum[k]:
-                quantum[k] = step
+                quantum[k], s.stale = step, True
                 same_bin = erf(step / sqrt(8.0 * s.noise_variance[k]))
                 s.log_same[k] = log(same_bin) if same_bin > 0.0 else -700.0
     return stuck

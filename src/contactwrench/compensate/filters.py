@@ -1,5 +1,5 @@
 """Low-pass filters as second-order sections, what they leave of white noise, both ways along a recording and a sample
-at a time; and the pose at the wrench's moment. The coefficients are scipy's (`scipy.signal.butter`).
+at a time. The coefficients are scipy's (`scipy.signal.butter`).
 """
 
 from __future__ import annotations
@@ -9,14 +9,12 @@ from math import ceil, exp, pi
 
 import numpy as np
 
-from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import CUTOFF
-from ..samples.delay import is_significant
 from ..samples.synchronize import default_gap
 from ..samples.timestamps import SORTED_WITHIN
-from .state import OCTAVES_HELD, SECTIONS, Matrix, Row, State, kernel
+from .state import OCTAVES_HELD, SECTIONS, Matrix, Row, kernel
 
 LAG = (1.0, 1.0, 1.414214, 2.0, 2.613126)
 """Of order 0 to 4, at an angular cut-off of 1 rad/s: the first coefficient of the Butterworth polynomial."""
@@ -156,60 +154,6 @@ def gains_of_poses(low_pass: LowPass | None, rate: float | None) -> list[float]:
         rest = np.zeros(4 * low_pass.settles_in(rate))
         gains.append(float(np.sum(sosfilt(sections, np.r_[pulse, rest]) ** 2)) / (6.0 * held))
     return gains
-
-
-def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:
-    """The calibration's delay where its data tell it from zero, else 0; less the lag of a filter that is made up for by
-    itself: what was estimated from a motion contains it.
-    """
-    delay, std = calibration.delay, calibration.delay_std
-    if delay is None or std is None or not is_significant(delay, std):
-        return 0.0
-    return delay - (0.0 if sensor_filter is None else sensor_filter.lag)
-
-
-@kernel
-def as_the_wrench_is_stamped(s: State, ring: Matrix, now: float, fresh: bool) -> None:
-    """Down in the flange, into `s.down`, as it was when the wrench was measured.
-
-    A wrench that lags belongs to an orientation of before, between two that are kept. For one that leads, the pose
-    being late, the turn of the last moments is carried on; that is wrong by half the angular acceleration times
-    delay times (delay + the time looked back).
-    """
-    size, down = len(ring), s.down
-    if fresh:
-        s.ring_next = s.ring_at = 0
-    newest, at = s.ring_next, s.ring_at
-    entry = ring[newest]
-    entry[0], entry[1], entry[2], entry[3] = now, down[0], down[1], down[2]
-    s.ring_next = (newest + 1) % size
-    if at == newest and not fresh:
-        at = (newest + 1) % size
-    at, after, share = looked_up(ring, 0, at, newest, now - s.look_back)
-    s.ring_at = at
-    older, later = ring[at], ring[after]
-    x = older[1] + share * (later[1] - older[1])
-    y = older[2] + share * (later[2] - older[2])
-    z = older[3] + share * (later[3] - older[3])
-    if s.delay < 0.0:
-        past = min(s.look_back, now - older[0])
-        ahead = -s.delay / past if past > 0.0 else 0.0
-        a, b, c = down[0], down[1], down[2]
-        x, y, z = a + ahead * (a - x), b + ahead * (b - y), c + ahead * (c - z)
-    down[0], down[1], down[2] = x, y, z
-
-
-@kernel
-def looked_up(ring: Matrix, column: int, at: int, newest: int, wanted: float) -> tuple[int, int, float]:
-    """The entries of a ring before and after a time, `at` or later, and how far it lies between the two. In `column`
-    they have their times, s.
-    """
-    size = len(ring)
-    while at != newest and ring[(at + 1) % size][column] <= wanted:
-        at = (at + 1) % size
-    after = at if at == newest else (at + 1) % size
-    older, later = ring[at][column], ring[after][column]
-    return at, after, max((wanted - older) / (later - older), 0.0) if later > older else 0.0
 
 
 @kernel

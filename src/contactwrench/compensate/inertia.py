@@ -19,8 +19,9 @@ from ..calibration.dynamics import ACCELERATION
 from ..geometry.arrays import Array
 from ..samples.flange_motion import FlangeMotion
 from .acceleration import feel, take_reading, use_accelerometer
+from .delay import looked_up
 from .faults import BRAKING, SQUARED_TOLERANCE, from_matrix, from_quaternion
-from .filters import LowPass, looked_up, low_pass
+from .filters import LowPass, low_pass
 from .state import OF_DOWN, TERMS, Matrix, Row, Sample, State, kernel
 
 MEMORY = 0.02

@@ -49,8 +49,8 @@ def whiten_shaking(s: State) -> None:
 def noise_of_motion(s: State, sample: Sample) -> float:
     """By what share the variance of a contact wrench grows in motion, but for what shakes, on the axis where it grows
     most; writes the variance of the shaking acceleration, `s.shaken`, and all that motion adds, `s.of_motion`: what
-    shakes, by what an accelerometer is off, what is not known of the inertia, the noise of poses behind the low-pass,
-    and by how much the terms are older than the wrench.
+    shakes, by what an accelerometer is off, what is not known of the inertia and of the delay, the noise of poses
+    behind the low-pass, and by how much the terms are older than the wrench.
     """
     terms, most = s.seen, 0.0
     given, of_motion, trend, noise, shaken_by = sample.motion_variance, s.of_motion, s.trend, s.pose_noise, s.shaken_by
@@ -78,6 +78,7 @@ def noise_of_motion(s: State, sample: Sample) -> float:
             variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
         if k > 2:
             variance += torque
+        variance += s.of_delay[k] * s.of_delay[k]
         of_motion[k] = variance + shaken * shaken_by[k]
         at_rest = s.systematic[k][k] + s.noise_left[k]
         most = max(most, variance / at_rest)

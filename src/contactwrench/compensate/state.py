@@ -90,6 +90,7 @@ class State:
     noise_variance: Row = numbers(6)
     per_kelvin: Row = numbers(6)
     delay: float = 0.0
+    delay_std: float = 0.0
     look_back: float = 0.0
     minimum_duration: float = 0.0
 
@@ -169,6 +170,12 @@ class State:
     felt_rate: Row = numbers(3)
     felt_off: float = 0.0
 
+    # How fast down turns as the sensor sees it, 1/s, and the wrench that a delay one std off makes of that.
+    followed: float = 0.0
+    last_down: Row = numbers(3)
+    turning: Row = numbers(3)
+    of_delay: Row = numbers(6)
+
     # What shakes it, as in shaking.py.
     shaking: Matrix = numbers(2, 2)
     shaken_by: Row = numbers(6)
@@ -211,6 +218,7 @@ class State:
     offset_covariance: Matrix = numbers(6, 6)
     with_calibration: Matrix = numbers(6, PARAMETERS)
     with_pose: Row = numbers(6)
+    lost: Row = numbers(6)
     moved: Matrix = numbers(6, PARAMETERS)
     of_eta: Row = numbers(PARAMETERS)
     column: Row = numbers(6)

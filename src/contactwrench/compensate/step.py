@@ -9,8 +9,9 @@ from .acceleration import LONGEST_SILENCE
 from .bias_tracking import learn
 from .contact_detection import far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
+from .delay import as_the_wrench_is_stamped, explained_by_delay, follow_turn
 from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, SILENT, STUCK, standing_still, unreadable
-from .filters import as_the_wrench_is_stamped, low_pass
+from .filters import low_pass
 from .inertia import exerted, follow_motion, take_pose, terms_then
 from .shaking import noise_of_motion, statistic_in_motion
 from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
@@ -68,7 +69,7 @@ def taking(digest: str) -> Callable[..., int]:
                     follow_motion(s, sample, ring, fresh_pose)
                     terms_then(s, ring, now, fresh_pose)
                 compensate(s, sample, restart or recovers, fresh_pose)
-                weigh(s, sample)
+                weigh(s, sample, passed, fresh_pose)
                 fault, detail = conclude(s, sample, fault, detail, recovers)
                 if now - s.block_time >= BLOCK_SECONDS:
                     end_block(s)
@@ -161,17 +162,20 @@ def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
 
 
 @kernel
-def weigh(s: State, sample: Sample) -> None:
+def weigh(s: State, sample: Sample, passed: float, fresh_pose: bool) -> None:
     """The statistic of the contact wrench and its std; in motion both know what is noisier then."""
+    if s.delay_std > 0.0:
+        follow_turn(s, passed, fresh_pose)
     if s.knows_inertia:
         sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample))
-        for k in range(6):
-            at_rest = s.wrench_std[k]
-            sample.wrench_std[k] = sqrt(at_rest * at_rest + s.of_motion[k])
     else:
         sample.statistic = statistic_of(sample.wrench, s.whitening)
-        for k in range(6):
-            sample.wrench_std[k] = s.wrench_std[k]
+        if s.delay_std > 0.0:
+            sample.statistic -= explained_by_delay(s, sample.wrench)
+    moving = s.knows_inertia or s.delay_std > 0.0
+    for k in range(6):
+        at_rest = s.wrench_std[k]
+        sample.wrench_std[k] = sqrt(at_rest * at_rest + s.of_motion[k]) if moving else at_rest
 
 
 @kernel

@@ -14,8 +14,8 @@ from ..calibration.calibration import Calibration
 from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import Contact as ContactEnded
 from ..compensate.contact_wrenches import ContactWrench
+from ..compensate.delay import delay_of, std_of_delay
 from ..compensate.faults import Reason
-from ..compensate.filters import delay_of
 from ..errors import InputError
 from ..geometry.orientation import from_quat_xyzw
 from ..samples.samples import Samples
@@ -68,6 +68,7 @@ class Runner:
         self._compensator = Compensator(
             calibration,
             delay=0.0,
+            delay_std=std_of_delay(calibration),
             rate=known.rate,  # by the first stamps it would be that of what waited, where a network is busy
             lowpass=options.lowpass,
             drift=options.drift,

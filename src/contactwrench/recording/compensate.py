@@ -18,7 +18,8 @@ from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
-from ..compensate.filters import LowPass, delay_of, smoothed
+from ..compensate.delay import delay_of, std_of_delay
+from ..compensate.filters import LowPass, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
@@ -212,6 +213,7 @@ def _paired(
         compensator = Compensator(
             calibration,
             delay=0.0,
+            delay_std=std_of_delay(calibration) if treatment.delay is None else 0.0,
             drift=treatment.drift,
             sensor_filter=treatment.sensor_filter,
             noise=treatment.noise,
@@ -248,6 +250,8 @@ def _of_samples(
         covariance = np.asarray(rows.covariance)[rows.covariance_of]
         if motion is not None:
             covariance += there.covariance_in_motion(samples.R_base_flange, motion)
+        of_axes = np.einsum("nii->ni", covariance)  # a view
+        of_axes[...] = np.fmax(of_axes, rows.std**2)  # what a delay adds
         wrench, std = in_axes(calibration, samples.R_base_flange, wrench, covariance, frame, point)
         std = np.where(np.isfinite(rows.std), std, np.nan)
     return replace(rows, wrench=wrench, std=std, t=samples.t)

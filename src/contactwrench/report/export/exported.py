@@ -13,7 +13,7 @@ import numpy as np
 from ...calibration.calibration import Calibration
 from ...calibration.findings import Severity
 from ...calibration.text import headline, parameter_rows
-from ...compensate.filters import delay_of
+from ...compensate.delay import delay_of
 from ...errors import InputError
 from ...statistics import meaningful_digits, three_digits, two_digits
 from ...version import __version__

@@ -1,0 +1,130 @@
+"""The pose at the wrench's moment, where that is stamped later or earlier, and what a delay that is not quite known
+leaves of the weight while the arm turns: a wrench along that of the turn.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..geometry.ranges import DELAY, DELAY_STD
+from ..samples.delay import is_significant
+from .filters import LowPass
+from .state import Matrix, Row, State, kernel
+
+LEAST_LOOK_BACK = 0.02
+"""s: over which the arm's turn is taken that a pose which comes late is carried on with."""
+USUAL_DELAY = 0.05
+"""s: the scale of delays where nothing tells one."""
+OVER = 0.02
+"""s: over which a turn is followed, as poses that are held between two come in jumps."""
+
+
+def use_delay(
+    s: State, calibration: Calibration, sensor_filter: LowPass | None, stated: float | None, std: float | None
+) -> None:
+    """What the kernel needs of the delay and its std, as stated or as the calibration has them. Raises `InputError`."""
+    s.delay = float(DELAY.require(delay_of(calibration, sensor_filter) if stated is None else stated, "delay"))
+    known = std_of_delay(calibration) if stated is None else 0.0
+    s.delay_std = float(DELAY_STD.require(known if std is None else std, "delay_std"))
+    s.look_back = s.delay if s.delay > 0.0 else max(-s.delay, LEAST_LOOK_BACK)
+
+
+def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:
+    """The calibration's delay where its data tell it from zero, else 0; less the lag of a filter that is made up for by
+    itself: what was estimated from a motion contains it.
+    """
+    delay, std = calibration.delay, calibration.delay_std
+    if delay is None or std is None or not is_significant(delay, std):
+        return 0.0
+    return delay - (0.0 if sensor_filter is None else sensor_filter.lag)
+
+
+def std_of_delay(calibration: Calibration) -> float:
+    """By how much (s) a delay as `delay_of` gives it may be off: its std, and all of one that is not told from zero, as
+    far as such delays are usual. 0 where nothing was estimated.
+    """
+    delay, std = calibration.delay, calibration.delay_std
+    if delay is None or std is None or is_significant(delay, std):
+        return std or 0.0
+    told = USUAL_DELAY**2 / (std**2 + USUAL_DELAY**2)
+    return float(np.hypot(told * delay, np.sqrt(told) * std))
+
+
+@kernel
+def as_the_wrench_is_stamped(s: State, ring: Matrix, now: float, fresh: bool) -> None:
+    """Down in the flange, into `s.down`, as it was when the wrench was measured.
+
+    A wrench that lags belongs to an orientation of before, between two that are kept. For one that leads, the pose
+    being late, the turn of the last moments is carried on; that is wrong by half the angular acceleration times
+    delay times (delay + the time looked back).
+    """
+    size, down = len(ring), s.down
+    if fresh:
+        s.ring_next = s.ring_at = 0
+    newest, at = s.ring_next, s.ring_at
+    entry = ring[newest]
+    entry[0], entry[1], entry[2], entry[3] = now, down[0], down[1], down[2]
+    s.ring_next = (newest + 1) % size
+    if at == newest and not fresh:
+        at = (newest + 1) % size
+    at, after, share = looked_up(ring, 0, at, newest, now - s.look_back)
+    s.ring_at = at
+    older, later = ring[at], ring[after]
+    x = older[1] + share * (later[1] - older[1])
+    y = older[2] + share * (later[2] - older[2])
+    z = older[3] + share * (later[3] - older[3])
+    if s.delay < 0.0:
+        past = min(s.look_back, now - older[0])
+        ahead = -s.delay / past if past > 0.0 else 0.0
+        a, b, c = down[0], down[1], down[2]
+        x, y, z = a + ahead * (a - x), b + ahead * (b - y), c + ahead * (c - z)
+    down[0], down[1], down[2] = x, y, z
+
+
+@kernel
+def looked_up(ring: Matrix, column: int, at: int, newest: int, wanted: float) -> tuple[int, int, float]:
+    """The entries of a ring before and after a time, `at` or later, and how far it lies between the two. In `column`
+    they have their times, s.
+    """
+    size = len(ring)
+    while at != newest and ring[(at + 1) % size][column] <= wanted:
+        at = (at + 1) % size
+    after = at if at == newest else (at + 1) % size
+    older, later = ring[at][column], ring[after][column]
+    return at, after, max((wanted - older) / (later - older), 0.0) if later > older else 0.0
+
+
+@kernel
+def follow_turn(s: State, passed: float, fresh: bool) -> None:
+    """How fast down turns, behind the sensor's own filter, `passed` s after the sample before, and the wrench (6,) that
+    a delay which is one standard deviation off makes of it. Nothing is learned of the bias where that is beyond the
+    noise.
+    """
+    s.followed = 0.0 if fresh else min(s.followed + passed, OVER)
+    down, last, turning = s.down, s.last_down, s.turning
+    for k in range(3):
+        turning[k] = 0.0 if fresh else turning[k] + (down[k] - last[k] - passed * turning[k]) / max(s.followed, passed)
+        last[k] = down[k]
+    for k in range(6):
+        B = s.B[k]
+        off = s.of_delay[k] = s.delay_std * (B[0] * turning[0] + B[1] * turning[1] + B[2] * turning[2])
+        s.of_motion[k] = off * off
+        if s.of_motion[k] > s.systematic[k][k] + s.noise_left[k]:
+            s.spoiled = True
+
+
+@kernel
+def explained_by_delay(s: State, wrench: Row) -> float:
+    """By how much the statistic of a contact wrench is less, as a delay that is off may make some of it: its covariance
+    grows by `of_delay of_delay^T` (Sherman and Morrison, 1950).
+    """
+    along, of_itself = 0.0, 0.0
+    for i in range(6):
+        row, u, white = s.whitening[i], 0.0, 0.0
+        for k in range(i + 1):
+            u += row[k] * s.of_delay[k]
+            white += row[k] * wrench[k]
+        along += u * white
+        of_itself += u * u
+    return along * along / (1.0 + of_itself)

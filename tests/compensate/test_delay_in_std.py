@@ -1,0 +1,119 @@
+"""A delay is known within its std: what that leaves of the weight counts while the arm turns, and only then."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.compensate.contact_wrenches import ContactWrenches
+from tests.support.live import RATE, free, still, times
+from tests.support.rigs import NOISE
+from tests.support.world import Array, Rig, noisy_readings, random_rig, random_rotations, readings
+
+STD = 0.02
+"""s, which at 1 rad/s makes ten noises of the weight."""
+
+
+def heavy(seed: int) -> tuple[cw.Calibration, Rig, np.random.Generator]:
+    """A calibration of a tool of 500 noises on any mounting, exact; what is true; what drew it."""
+    rng = np.random.default_rng((seed, 20261126))
+    rig = replace(random_rig(rng), weight=500.0 * float(NOISE[0]))
+    R = random_rotations(24, rng)
+    return cw.calibrate(cw.Samples(readings(rig, R), R), "mount", noise=NOISE), rig, rng
+
+
+def compensator(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
+    return cw.Compensator(calibration, rate=RATE, noise=NOISE, fast=False, **settings)
+
+
+def turning(rig: Rig, rng: np.random.Generator, late: float, held: int = 1) -> tuple[Array, Array, Array]:
+    """Readings (n, 6) `late` s behind orientations, each of which stands for `held` samples, of an arm that turns to
+    and fro by up to 1 rad/s about two axes, and stamps.
+    """
+    t = times(3000)
+    begin, axes = Rotation.random(random_state=rng), rng.normal(size=(2, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+
+    def course(at: Array) -> Array:
+        angles = np.stack([np.sin(2.0 * at), 0.7 * np.sin(1.3 * at + 1.0)], axis=1)
+        matrices: Array = (begin * Rotation.from_rotvec(0.5 * angles @ axes)).as_matrix()
+        return matrices
+
+    return noisy_readings(rig, course(t - late), NOISE, rng), course(t)[np.arange(len(t)) // held * held], t
+
+
+def off(batch: ContactWrenches) -> Array:
+    """In units of the std, behind the first moments."""
+    return np.asarray((batch.wrench / batch.std)[100:])
+
+
+@pytest.mark.parametrize("held", [1, 4])
+@pytest.mark.parametrize("seed", range(4))
+def test_it_covers_what_such_delays_leave(seed: int, held: int) -> None:
+    calibration, rig, rng = heavy(seed)
+    for late in (STD, -STD, 1.5 * STD):
+        wrench, R, t = turning(rig, rng, late + 0.5e-3 * (held - 1), held)
+        told, not_told = (compensator(calibration, delay=0.0, delay_std=each).run(wrench, R, t) for each in (STD, 0.0))
+        assert np.abs(off(told)).max() < 6.0
+        assert np.abs(off(not_told)).max() > 8.0
+        assert not (told.contact == 1).any()
+        assert (not_told.contact == 1).any()
+
+
+def test_what_it_covers_is_as_much_as_there_is() -> None:
+    """Delays drawn with the std: the contact wrench over its std is drawn from a standard normal, and the statistic
+    from chi-square with 6 degrees of freedom.
+    """
+    z, statistic = [], []
+    for seed in range(40):
+        calibration, rig, rng = heavy(seed)
+        wrench, R, t = turning(rig, rng, STD * rng.normal())
+        batch = compensator(calibration, delay=0.0, delay_std=STD).run(wrench, R, t)
+        z.append(np.mean(off(batch) ** 2))
+        statistic.append(np.mean(batch.statistic[100:]))
+    assert np.mean(z) == pytest.approx(1.0, abs=0.35)
+    assert np.mean(statistic) == pytest.approx(6.0, abs=0.8)
+
+
+def test_at_rest_it_counts_for_nothing() -> None:
+    calibration, rig, rng = heavy(3)
+    R = still(rng, 500)
+    wrench = free(rig, R, rng)
+    one, other = (compensator(calibration, delay_std=std).run(wrench, R, times(500)) for std in (None, 0.05))
+    assert np.array_equal(one.std, other.std)
+    assert one.statistic == pytest.approx(other.statistic, rel=1e-12)
+
+
+def test_a_push_across_the_turn_is_found_all_the_same() -> None:
+    calibration, rig, rng = heavy(5)
+    wrench, R, t = turning(rig, rng, 0.0)
+    pushed = slice(1500, 1900)
+    wrench[pushed, :3] += 10.0 * NOISE[0] * (rig.down @ R[pushed] @ rig.R_flange_sensor)  # which no turn changes
+    batch = compensator(calibration, delay=0.0, delay_std=5.0 * STD).run(wrench, R, t)
+    assert (batch.contact[1550:1900] == 1).all()
+    assert not (batch.contact[:1500] == 1).any()
+
+
+def test_the_calibrations_own_counts_unless_another_is_stated() -> None:
+    calibration, rig, rng = heavy(2)
+    wrench, R, t = turning(rig, rng, 0.0)
+
+    def added(of: float | None, std: float | None, **stated: Any) -> float:
+        """What the std of the last forces has beside that at rest, s, with a calibration's delay `of`, and its std."""
+        known = replace(calibration, delay=of, delay_std=std)
+        without, told = (compensator(known, delay=0.0, **each).run(wrench, R, t) for each in ({}, {"delay_std": 0.01}))
+        asked = compensator(known, **stated).run(wrench, R, t)
+        of_one = np.sum(told.std[-500:] ** 2 - without.std[-500:] ** 2)
+        return float(0.01 * np.sqrt(np.sum(asked.std[-500:] ** 2 - without.std[-500:] ** 2) / of_one))
+
+    assert added(None, None) == 0.0
+    assert added(0.03, 0.004) == pytest.approx(0.004, rel=0.1)  # made up for
+    assert added(0.006, 0.004) == pytest.approx(np.hypot(0.006, 0.004), rel=0.02)  # not
+    assert added(0.1, 1.0) == pytest.approx(0.05, rel=0.01)  # nothing is known of it: as delays usually are
+    assert added(0.006, 0.004, delay=0.0) == 0.0
+    assert added(0.006, 0.004, delay_std=0.02) == pytest.approx(0.02, rel=1e-6)
