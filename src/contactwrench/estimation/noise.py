@@ -108,10 +108,12 @@ class PoseReadings:
         time = None if self.time is None else self.time[kept]
         return PoseReadings(self.R_base_flange[kept], self.wrench[kept], self.variance[kept], time)
 
-    def with_lag(self, lag: Array) -> PoseReadings:
+    def with_lag(self, lag: Array | None) -> PoseReadings:
         """The same, as uncertain as one `lag` (10, 6) of all poses leaves them (`RecordedPoses`): what it makes of each
-        does not average out over them, as noise does.
+        does not average out over them, as noise does. None: there is none.
         """
+        if lag is None:
+            return self
         late = np.column_stack([self.R_base_flange.reshape(-1, 9), np.ones(len(self))]) @ lag
         return replace(self, variance=self.variance + len(self) * late**2)
 

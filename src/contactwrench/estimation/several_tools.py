@@ -109,12 +109,13 @@ def calibrate_shared(
         for own in messages
     ]
     estimates = [
-        estimated(recording.readings, own, begin=message.tool)
+        estimated(recording.readings.with_lag(recording.found.lag), own, begin=message.tool)
         for recording, own, message in zip(recorded, asked, messages, strict=True)
     ]
     contradictions = _contradictions(messages, leader, estimates[leader], sources, sharing)
     results = []
-    for k, (recording, estimate) in enumerate(zip(recorded, estimates, strict=True)):
+    for k, (recording, joint) in enumerate(zip(recorded, estimates, strict=True)):
+        estimate = joint if recording.found.lag is None else joint.with_noise_of(recording.estimate)
         agreed = replace(
             recording,
             estimate=_agreeing(estimate, recording.readings, estimates[leader], sharing),
@@ -187,11 +188,12 @@ class _Sharing:
 def _messages(recorded: list[Recorded], sharing: _Sharing) -> tuple[list[Message], int]:
     """What each recording says, and which of them knows most."""
     alone = [recording.estimate for recording in recorded if isinstance(recording.estimate, RigidEstimate)]
+    told = [recording.readings.with_lag(recording.found.lag) for recording in recorded]
     points, messages, leader = [estimate.tool for estimate in alone], [], 0
     for _ in range(LOOKS):
         messages = [
-            _message(recording.readings, estimate, replace(estimate.tool, **sharing.common(point)), sharing)
-            for recording, estimate, point in zip(recorded, alone, points, strict=True)
+            _message(readings, estimate, replace(estimate.tool, **sharing.common(point)), sharing)
+            for readings, estimate, point in zip(told, alone, points, strict=True)
         ]
         leader = int(np.argmin([message.uncertainty for message in messages]))
         points = [messages[leader].tool] * len(messages)
@@ -230,8 +232,7 @@ def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimat
     moved = replace(stepped(tool, follow @ turn, names), **sharing.common(common.tool))
     axes = small_change_about(tool, moved, names)
     before, follow = axes @ found.covariance @ axes.T, axes @ follow @ axes[np.ix_(index, index)].T
-    of_all = common.covariance[np.ix_(index, index)]
-    covariance = before + follow @ (of_all - before[np.ix_(index, index)]) @ follow.T
+    covariance = before + follow @ (common.covariance - before)[np.ix_(index, index)] @ follow.T
     dof = found.dof.copy()
     dof[index] = common.dof[index]
     now, was = (gravity_in_flange(readings.R_base_flange, of.gravity_direction) for of in (moved, tool))
@@ -291,8 +292,7 @@ def _disagreement(own: PriorRows, others: list[PriorRows], dof: float) -> tuple[
     spread = np.eye(len(surprise)) + own.jacobian @ of_others @ own.jacobian.T
     misfit = float(surprise @ np.linalg.solve(spread, surprise))
     of_own = _covariance([own])
-    turn = of_own @ own.jacobian.T @ surprise
-    return turn, of_own + of_others, MisfitTest(misfit, max(len(surprise), 1), dof)
+    return of_own @ own.jacobian.T @ surprise, of_own + of_others, MisfitTest(misfit, max(len(surprise), 1), dof)
 
 
 def _covariance(said: list[PriorRows]) -> Array:
