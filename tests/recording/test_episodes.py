@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.errors import ContactWrenchError, FileFormatError
+from contactwrench.recording.compensate import Treatment, compensated_set
 from contactwrench.recording.contents import table_contents
 from contactwrench.recording.options import Options
 from contactwrench.recording.read import batches, read_streams
@@ -90,7 +91,8 @@ def test_several_episodes_are_named_with_the_flag(tmp_path: Path, capsys: pytest
         with pytest.raises(FileFormatError) as several:
             cw.read(path)
         assert str(several.value) == (
-            f"{path}: found 3 episodes, 0, 1, 4, expected one recording: choose it, as with --episode 0"
+            f"{path}: found 3 episodes, 0, 1, 4, expected one recording: choose it, as with --episode 0; "
+            "compensate --all-episodes takes each by itself"
         )
         with pytest.raises(FileFormatError) as none:
             cw.read(path, episode=9)
@@ -147,6 +149,115 @@ def test_parquet_to_parquet_keeps_the_episode_that_was_compensated(
     after = pq.read_table(out)
     assert after["observation.state"].to_pylist() == robot_learning_set()["observation.state"].to_pylist()[45:]
     assert after["fx_std"].null_count == 0
+
+
+@pytest.mark.parametrize("judged", [(), ("--contact", "--noise", "0.1")])
+def test_all_episodes_are_each_compensated_by_itself(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], judged: tuple[str, ...]
+) -> None:
+    tool, out = tmp_path / "tool.json", tmp_path / "out.csv"
+    cw.calibrate(cw.read(PANDA)).save(tool)
+    for path in sets(tmp_path):
+        expected = []
+        for episode in (0, 1, 4):
+            assert run(capsys, "compensate", path, "-c", tool, "--episode", str(episode), *judged).status == 0
+            lines = run(capsys, "compensate", path, "-c", tool, "--episode", str(episode), *judged).out.splitlines()
+            expected += [f"{episode},{line}" for line in lines[1:]]
+        done = run(capsys, "compensate", path, "-c", tool, "--all-episodes", *judged, "-o", out, "--force")
+        header, *found = out.read_text(encoding="utf-8").splitlines()
+        assert header.startswith("episode_index,t,fx,fy,fz,")
+        assert found == expected
+        assert ("60 samples in 3 episodes" in done.out) == bool(judged)
+
+
+def test_all_episodes_stay_beside_the_columns_of_a_parquet_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, tool, out = lerobot(tmp_path / "set", 3), tmp_path / "tool.json", tmp_path / "out.parquet"
+    cw.calibrate(cw.read(PANDA)).save(tool)
+    assert run(capsys, "compensate", path, "-c", tool, "-o", out, "--all-episodes").status == 0
+    after = pq.read_table(out)
+    before = robot_learning_set()
+    assert after.select(before.column_names).to_pydict() == before.to_pydict()
+    assert after.column_names[len(before.column_names) :][:2] == ["fx", "fy"]
+    calibration = cw.Calibration.load(tool)
+    forces = np.column_stack([after[name].to_numpy() for name in ("fx", "fy", "fz")])
+    assert forces == pytest.approx(calibration.compensate(Motion.wrench, Motion.R)[:, :3], abs=1e-9)
+
+
+def test_what_is_said_of_many_episodes_is_said_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, tool = lerobot(tmp_path / "set", 2), tmp_path / "tool.json"
+    cw.calibrate(cw.read(PANDA)).save(tool)
+    said = run(capsys, "compensate", path, "-c", tool, "--all-episodes", "--contact").err
+    noise = "noise of a sample unknown: a Compensator takes its first second for free air; --noise states it"
+    assert said.count(f"{noise} (episode 0 and 2 more)") == said.count(noise) == 1
+
+
+def test_of_many_different_notes_some_are_said(tmp_path: Path) -> None:
+    numbers = np.repeat(np.arange(25.0), 8)
+    wrench = np.tile(np.arange(8.0)[:, None], (25, 6)) + 0.1 * numbers[:, None]
+    wrench[np.flatnonzero(np.diff(numbers, prepend=-1.0)) + 1, 0] = np.nan
+    k = np.arange(8)[None] <= np.arange(25)[:, None] % 7
+    wrench[k.ravel(), 1] = np.nan
+    names = (*WRENCH, "qx", "qy", "qz", "qw", "t", "episode_index")
+    rest = np.column_stack([np.tile([0.0, 0.0, 0.0, 1.0], (200, 1)), np.tile(0.1 * np.arange(8.0), 25), numbers])
+    path, said = written(tmp_path, csv_text(names, np.column_stack([wrench, rest]))), list[str]()
+    calibration = cw.calibrate(cw.read(PANDA))
+    rows_of_all = compensated_set(path, Options(), calibration, Treatment(), range(25), note=said.append)
+    assert sum(len(batch) for batch in rows_of_all) == 200
+    assert len(said) == len(set(said)) <= 21
+    assert "found no whole reading (nothing, or NaN) in 3 rows: not used (episode 2 and 3 more)" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "flags", "message"),
+    [
+        (
+            lambda e: e[::-1][:0],
+            (),
+            "{}: found no column episode_index, expected a set of recordings: leave out --all-episodes",
+        ),
+        (
+            lambda e: np.r_[e[30:], e[:30]],
+            (),
+            "{}: row 52: found episode 1 again, expected its rows together: sort the table by episode_index",
+        ),
+        (
+            lambda e: e,
+            ("--episode", "1"),
+            "found --all-episodes and --episode, which is for one recording: leave one of them out",
+        ),
+        (
+            lambda e: e,
+            ("--report", "page.html"),
+            "found --all-episodes and --report, which is for one recording: leave one of them out",
+        ),
+    ],
+)
+def test_what_does_not_go_with_all_episodes_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], change: Any, flags: tuple[str, ...], message: str
+) -> None:
+    tool, episodes = tmp_path / "tool.json", change(EPISODES)
+    cw.calibrate(cw.read(PANDA)).save(tool)
+    names, columns = ((*HEADER, "episode_index"), [rows(), episodes]) if len(episodes) else (HEADER, [rows()])
+    path = written(tmp_path, csv_text(names, np.column_stack(columns)))
+    assert run(capsys, "compensate", path, "-c", tool, "--all-episodes", *flags).complaint == message.format(path)
+
+
+def test_rows_are_counted_over_the_groups_that_are_left_out(tmp_path: Path) -> None:
+    table = robot_learning_set()
+    wrench = table["wrench"].to_pylist()
+    wrench[50] = [1.0, 2.0]
+    path = tmp_path / "set.parquet"
+    place = table.schema.get_field_index("wrench")
+    lists = pa.array(wrench, pa.list_(pa.float64()))
+    pq.write_table(table.set_column(place, "wrench", lists), path, row_group_size=7)
+    assert len(cw.read(path, episode=1)) == 25
+    with pytest.raises(FileFormatError) as caught:
+        cw.read(path, episode=4)
+    assert str(caught.value) == (
+        f"{path}: row 51, column wrench: found a list of 2, expected 6: complete it or leave the row out"
+    )
 
 
 def test_lists_stand_for_columns_by_their_places(tmp_path: Path) -> None:

@@ -214,7 +214,8 @@ def test_one_recording_an_episode(tmp_path: Path, parent: str, name: str) -> Non
             assert np.array_equal(found.wrench, Motion.wrench[of_it])
             assert found.R_base_flange == pytest.approx(Motion.R[of_it], abs=1e-12)
     assert refusal(path, hdf5=RELATIVE) == (
-        "found 3 episodes, 0, 2, 11, expected one recording: choose it, as with --episode 0"
+        "found 3 episodes, 0, 2, 11, expected one recording: choose it, as with --episode 0; "
+        "compensate --all-episodes takes each by itself"
     )
     assert refusal(path, hdf5=RELATIVE, episode=1) == (
         "found no episode 1, expected one that is there, as 0, 2, 11: choose with --episode"

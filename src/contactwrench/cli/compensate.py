@@ -84,6 +84,9 @@ def compensate(
             DELAY, "S", "By how much later than the pose the wrench is stamped. [default: the calibration's]"
         ),
     ] = None,
+    all_episodes: Annotated[
+        bool, typer.Option("--all-episodes", help="Of a set of recordings: every one, each by itself.")
+    ] = False,
     recording: Recordings,
     gravity: options.Gravity = None,
     g: Annotated[float | None, options.number(G, "G", "Of no effect: it makes masses, and forces need none.")] = None,
@@ -94,6 +97,9 @@ def compensate(
     from ..recording.compensate import Treatment, require_writable
     from ..report.contacts import compensate_recording
 
+    episodes = _episodes(recording, report) if all_episodes else []
+    if episodes:
+        recording = replace(recording, options=replace(recording.options, episode=episodes[0]))
     require_writable(output, recording.path, recording.options)
     loaded, direction = Calibration.load(calibration), options.gravity_direction(gravity)
     alike = recording.as_calibrated(loaded, direction)
@@ -111,12 +117,23 @@ def compensate(
     )
     with progress(f"compensating {recording.path.name}") as advance:
         lines, notes = compensate_recording(
-            recording.path, alike.options, alike.calibration, treatment, output, report, advance
+            recording.path, alike.options, alike.calibration, treatment, output, report, advance, episodes
         )
     of_g = () if g is None else ("--g has no effect: it makes a weight a mass, and that is the calibration's",)
     options.note(*alike.notes, *of_g, *notes)
     for line in lines:
         options.say(line, err=str(output) == STDOUT)
+
+
+def _episodes(recording: Recordings, report: Path | None) -> list[int]:
+    """Those of a set, in the order of their rows. Raises `InputError` for what goes with one recording alone."""
+    from ..recording.tables.episodes import episodes_in
+    from ..recording.tables.table import open_set
+
+    one = {"--report": report, "--episode": recording.options.episode, "--pose": recording.options.pose_file}
+    if named := next((option for option, value in one.items() if value is not None), None):
+        raise InputError(f"found --all-episodes and {named}, which is for one recording: leave one of them out")
+    return episodes_in(open_set(recording.path, recording.options))
 
 
 def _low_pass(text: str | None, option: str, usual_order: int) -> LowPass | None:

@@ -87,7 +87,7 @@ class ContactWrenches(Rows):
 
     From a `Compensator` there are also `statistic` (n,), which the test compares with `threshold` (n,), before
     hysteresis, and `covariance` (m, 6, 6), the wrench's, one after the other, of which `covariance_of` (n,) is each
-    sample's.
+    sample's. Of a set of recordings, `episode` (n,) says of which one a row is.
     """
 
     wrench: Array = field(metadata=column(6))
@@ -102,6 +102,7 @@ class ContactWrenches(Rows):
     threshold: Array = field(default=NOT_GIVEN, metadata=column(kind=np.float64))
     covariance_of: NDArray[np.intp] = field(default=NOT_GIVEN, metadata=column(kind=np.intp))
     covariance: Array | None = None
+    episode: NDArray[np.int64] | None = field(default=None, metadata=column(kind=np.int64))
 
     def __post_init__(self) -> None:
         for name, blank in BLANK.items():

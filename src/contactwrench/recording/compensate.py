@@ -6,7 +6,7 @@ One row comes out for each reading, in its order. Where it has no orientation, o
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice, tee
 from pathlib import Path
@@ -28,6 +28,7 @@ from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
 from ..samples.synchronize import NOT_A_NUMBER, synchronized
 from ..samples.timestamps import spread_evenly
+from ..statistics import counted
 from .accelerations import with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
@@ -44,6 +45,8 @@ from .tables.table import Table, without_reading
 from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
+MOST_NOTES = 20
+"""Of all recordings of a set together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +118,30 @@ def compensated(
     return _smoothed(_row_by_row(chain([first], pairs), path, options, calibration, treatment, note), treatment)
 
 
+def compensated_set(
+    path: str | Path,
+    options: Options,
+    calibration: Calibration,
+    treatment: Treatment,
+    episodes: Sequence[int],
+    advance: Advance = unheard,
+    note: Tell = unheard,
+) -> Iterator[ContactWrenches]:
+    """The same of every recording of a set, its `episodes` as `episodes_in` has them, each by itself."""
+    said: dict[str, list[int]] = {}
+    for k, episode in enumerate(episodes, 1):
+        notes: list[str] = []
+        for batch in compensated(path, replace(options, episode=episode), calibration, treatment, note=notes.append):
+            yield replace(batch, episode=np.full(len(batch), episode))
+        for text in notes:
+            said.setdefault(text, []).append(episode)
+        advance(k / len(episodes))
+    for text, those in list(said.items())[:MOST_NOTES]:
+        note(f"{text} (episode {those[0]}{f' and {len(those) - 1} more' if len(those) > 1 else ''})")
+    if len(said) > MOST_NOTES:
+        note(f"and {counted(len(said) - MOST_NOTES, 'note')} more: --episode N gives those of one")
+
+
 def require_writable(output: Path, path: Path, options: Options) -> None:
     """Raise `InputError` for an output that is neither a table nor, of a bag, a bag."""
     suffix, of_bag = output.suffix.lower(), reader_of(path, options) is bag_blocks
@@ -128,7 +155,7 @@ def write_compensated(
     output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str, note: Tell
 ) -> str | None:
     """Write what `compensated` makes of a recording, batch by batch, in the axes `output_frame`; the topic in which a
-    bag has it.
+    bag has it. Of a whole set the options are those of one of its recordings.
 
     `output` `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the bag
     with the contact wrench beside each reading; `note` is told what that of a damaged one lacks. Raises

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
 from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
-from ..recording.compensate import Treatment, compensated, write_compensated
+from ..recording.compensate import Treatment, compensated, compensated_set, write_compensated
 from ..recording.options import Options
 from ..recording.tables.columns import Advance, unheard
 from ..statistics import counted, meaningful_digits
@@ -68,6 +68,7 @@ def compensate_recording(
     output: Path,
     report: Path | None,
     advance: Advance = unheard,
+    episodes: Sequence[int] = (),
 ) -> tuple[list[str], list[str]]:
     """Compensate a recording and write what comes out.
 
@@ -79,6 +80,7 @@ def compensate_recording(
         output: the contact wrenches: a table, a copy of the bag, or `-`, CSV on stdout.
         report: a page about every contact, which `treatment` must have judged.
         advance: is told how far the reading is.
+        episodes: of a set of which every recording is compensated by itself.
 
     Returns:
         What to say: what was found and written, and notes on how.
@@ -88,9 +90,13 @@ def compensate_recording(
     """
     notes: list[str] = []
     log = ContactLog()
-    rows = log.noted(compensated(path, options, calibration, treatment, advance, notes.append), treatment.judged)
-    topic = write_compensated(output, rows, path, options, treatment.output_frame, notes.append)
-    lines = [summary(log)] if treatment.judged else []
+    if episodes:
+        rows = compensated_set(path, options, calibration, treatment, episodes, advance, notes.append)
+    else:
+        rows = compensated(path, options, calibration, treatment, advance, notes.append)
+    noted = log.noted(rows, treatment.judged)
+    topic = write_compensated(output, noted, path, options, treatment.output_frame, notes.append)
+    lines = [summary(log, len(episodes))] if treatment.judged else []
     if str(output) != STDOUT:
         what = counted(log.rows, "row") if topic is None else f"{counted(log.rows, 'message')} of {topic}"
         lines.append(f"Wrote the contact wrenches, {what}, to {output}")
@@ -111,14 +117,15 @@ def write_contact_report(path: str | Path, title: str, log: ContactLog, paragrap
     write_text(path, page(title, paragraphs, f"<section>{body}</section>"))
 
 
-def summary(log: ContactLog) -> str:
-    """The recording in a sentence."""
+def summary(log: ContactLog, episodes: int = 0) -> str:
+    """The recording in a sentence, or so many of a set."""
     contacts = "no contact"
     if log.contacts:
         contacts = f"{counted(len(log.contacts), 'contact')}, {log.touching / log.rows:.1%} of the time"
     faults = "all valid" if log.faults == 0 else f"{log.faults} not valid"
-    span = log.end - log.start if log.rows else 0.0
-    return f"{log.rows} samples over {span:.4g} s: {contacts}; {faults}."
+    span = f"over {log.end - log.start if log.rows else 0.0:.4g} s"
+    within = f"in {counted(episodes, 'episode')}" if episodes else span
+    return f"{log.rows} samples {within}: {contacts}; {faults}."
 
 
 def contact_signals(log: ContactLog) -> str:

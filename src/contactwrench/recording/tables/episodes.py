@@ -70,11 +70,34 @@ def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
     return OpenTable(table.source, table.places, bodies)
 
 
+def episodes_in(table: OpenTable) -> list[int]:
+    """The episodes of a set, in the order of their rows. Raises `FileFormatError` for a table that is none, and where
+    rows of one are apart.
+    """
+    column = episode_column(table)
+    if column is None:
+        raise FileFormatError(
+            f"{table.source}: found no column {EPISODE}, expected a set of recordings: leave out --all-episodes"
+        )
+    found: list[int] = []
+    for body in table.bodies([column]):
+        numbers = episodes_of(body, column).astype(int)
+        begins = np.flatnonzero(np.diff(numbers, prepend=found[-1] if found else -1))
+        for index, episode in zip(begins.tolist(), numbers[begins].tolist(), strict=True):
+            if episode in found:
+                raise FileFormatError(
+                    f"{body.source}: row {body.row_of(index)}: found episode {episode} again, expected its rows "
+                    f"together: sort the table by {EPISODE}"
+                )
+            found.append(episode)
+    return found
+
+
 def _one_expected(source: str, seen: set[float], others: Iterable[Body], column: Column) -> FileFormatError:
     every = seen.union(*(episodes_of(body, column).tolist() for body in others))
     return FileFormatError(
         f"{source}: found {len(every)} episodes, {_named(every)}, expected one recording: choose it, as with "
-        f"--episode {min(every):g}"
+        f"--episode {min(every):g}; compensate --all-episodes takes each by itself"
     )
 
 

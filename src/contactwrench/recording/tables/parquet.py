@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,8 @@ from ...errors import FileFormatError, of_extra
 from ...files import entries, open_bytes
 from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, readable, require_room, require_room_for_pages
-from .columns import ROWS, Column, Naming, OpenTable, places_of, shown
-from .episodes import EPISODE, one_episode
-from .roles import wrench_columns
+from .columns import Column, OpenTable, places_of, shown
+from .episodes import EPISODE
 from .units import per_si
 
 SUFFIXES = (".parquet", ".pq")
@@ -38,15 +37,22 @@ FIRST_ROWS = 64
 
 @dataclass(frozen=True)
 class _Part:
-    """A file, its number of rows, and the least and the greatest episode in it, where that is known."""
+    """A file; of each of its row groups the number of rows, and the least and the greatest episode, where known."""
 
     path: Path
-    rows: int
-    episodes: tuple[float, float] | None
+    rows: tuple[int, ...]
+    episodes: tuple[tuple[float, float] | None, ...]
 
-    def may_have(self, episode: int | None) -> bool:
-        """Whether rows of an episode may be in it."""
-        return episode is None or self.episodes is None or self.episodes[0] <= episode <= self.episodes[1]
+    def with_episode(self, episode: int | None) -> list[int]:
+        """The row groups in which rows of an episode may be."""
+        ranges = enumerate(self.episodes)
+        return [k for k, known in ranges if episode is None or known is None or known[0] <= episode <= known[1]]
+
+    def numbers(self, groups: list[int]) -> NDArray[np.intp]:
+        """Of the rows of some groups in the file, from 0."""
+        ends = np.cumsum(self.rows)
+        each = [np.arange(ends[k] - self.rows[k], ends[k]) for k in groups]
+        return np.concatenate(each) if each else np.arange(0)
 
 
 @dataclass(frozen=True)
@@ -74,39 +80,32 @@ def is_parquet(path: str | Path) -> bool:
 
 def open_parquet(path: str | Path, rows: int, episode: int | None, *, whole: bool = False) -> OpenTable:
     """A Parquet file, or a folder of them as one table, its files in the order of their names, numbers in these by
-    value; at most `rows` rows at a time, with all their columns where they are read `whole`. Files without the episode
-    that is stated are left out where some have it. Raises `FileAccessError`, `FileFormatError`, `MissingExtraError`.
+    value; at most `rows` rows at a time, with all their columns where they are read `whole`. Row groups without the
+    episode that is stated are left out where some have it. Raises `FileAccessError`, `FileFormatError` and
+    `MissingExtraError`.
     """
     parts, fields = _described(path)
-    total = sum(part.rows for part in parts)
-    having = [part for part in parts if part.may_have(episode)]
-    having = having if any(part.episodes for part in having) else parts
+    total = sum(sum(part.rows) for part in parts)
+    having = [part.with_episode(episode) for part in parts]
+    if not any(part.episodes[k] for part, groups in zip(parts, having, strict=True) for k in groups):
+        having = [part.with_episode(None) for part in parts]
 
     def bodies(columns: Collection[Column]) -> Iterator[Records]:
         names = sorted({".".join(fields[column.place].path) for column in columns})
         before = 0
-        for part in parts:
-            begin, before = before, before + part.rows
-            for record in _records(part.path, None if whole else names, rows) if part in having else ():
-                numbers = np.arange(begin, begin + len(record))
-                begin += len(record)
-                yield Records(record, fields, numbers, str(path), begin / total)
-            if part in having and begin != before:
-                read = part.rows + begin - before
-                raise FileFormatError(f"{part.path}: found {read} rows, expected the {part.rows} stated: write it anew")
+        for part, groups in zip(parts, having, strict=True):
+            numbers, read = before + part.numbers(groups), 0
+            before += sum(part.rows)
+            for record in _records(part.path, None if whole else names, rows, groups) if groups else ():
+                here = numbers[read : read + len(record)]
+                read += len(record)
+                if 0 < len(here) == len(record):
+                    yield Records(record, fields, here, str(path), (here[-1] + 1.0) / total)
+            if read != len(numbers):
+                stated = f"the {len(numbers)} stated"
+                raise FileFormatError(f"{part.path}: found {read} rows, expected {stated}: write it anew")
 
     return OpenTable(str(path), places_of((field.name for field in fields), str(path)), bodies)
-
-
-def rows_as_stored(path: str | Path, naming: Naming, every: bool) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
-    """All columns as the files have them, a record batch at a time, and which of its rows (n,) have any of a wrench, or
-    that `every` one counts.
-    """
-    table = one_episode(open_parquet(path, ROWS, naming.episode, whole=True), naming.episode)
-    wrench = wrench_columns(table, naming)
-    for body in table.bodies(wrench):
-        lacking = np.isnan(body.numbers(wrench, may_lack=wrench)).all(axis=1)
-        yield cast(Records, body).record, np.asarray(~lacking | every)
 
 
 class Records(Batch):
@@ -187,7 +186,9 @@ def _described(path: str | Path) -> tuple[list[_Part], list[Field]]:
         with _opened(part) as file, _readable(str(part)):
             _require_room(part, file.metadata)
             found = list(_leaves(file.schema_arrow))
-            parts.append(_Part(part, file.metadata.num_rows, _episodes(file.metadata)))
+            groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
+            ranges = _episodes(file.metadata, groups)
+            parts.append(_Part(part, tuple(group.num_rows for group in groups), ranges))
             unknown = [leaf.path for leaf in found if leaf.length == 0 and leaf.path not in lengths]
             lengths |= _lengths(file, unknown) if unknown and file.metadata.num_rows else {}
         if leaves and [leaf.name for leaf in found] != [leaf.name for leaf in leaves]:
@@ -195,7 +196,7 @@ def _described(path: str | Path) -> tuple[list[_Part], list[Field]]:
                 f"{part}: found other columns than in {parts[0].path.name}, expected the same: name one file"
             )
         leaves = found
-    if not any(part.rows for part in parts):
+    if not any(any(part.rows) for part in parts):
         raise FileFormatError(f"{path}: found columns and no rows, expected a row for each reading: add them")
     fields = [leaf.fields(lengths.get(leaf.path, leaf.length)) for leaf in leaves]
     return parts, list(chain.from_iterable(fields))
@@ -212,15 +213,14 @@ def _require_room(path: Path, metadata: Any) -> None:
     require_room_for_pages(path, starts)
 
 
-def _episodes(metadata: Any) -> tuple[float, float] | None:
-    """The least and the greatest episode in a file, as far as its statistics say."""
-    columns = [k for k in range(metadata.num_columns) if metadata.schema.column(k).path.lower() == EPISODE]
-    found = [
-        metadata.row_group(k).column(place).statistics for k in range(metadata.num_row_groups) for place in columns
-    ]
-    if not found or not all(each and each.has_min_max and isinstance(each.min, int | float) for each in found):
-        return None
-    return min(each.min for each in found), max(each.max for each in found)
+def _episodes(metadata: Any, groups: list[Any]) -> tuple[tuple[float, float] | None, ...]:
+    """The least and the greatest episode in each row group, as far as its statistics say."""
+    place = next((k for k in range(metadata.num_columns) if metadata.schema.column(k).path.lower() == EPISODE), None)
+    found = [None if place is None else group.column(place).statistics for group in groups]
+    return tuple(
+        (each.min, each.max) if each and each.has_min_max and isinstance(each.min, int | float) else None
+        for each in found
+    )
 
 
 def _parts(folder: Path) -> list[Path]:
@@ -265,10 +265,10 @@ def _lengths(file: Any, paths: list[tuple[str, ...]]) -> dict[tuple[str, ...], i
     return lengths
 
 
-def _records(path: Path, columns: list[str] | None, rows: int) -> Iterator[Any]:
-    """Record batches of some columns, or of all, of at most `rows` rows."""
-    with _opened(path) as file, _readable(str(path)):
-        yield from file.iter_batches(rows, columns=columns, use_threads=False)  # one that cannot start hangs
+def _records(path: Path, columns: list[str] | None, rows: int, groups: list[int]) -> Iterator[Any]:
+    """Record batches of some columns, or of all, of at most `rows` rows, of some row groups."""
+    with _opened(path) as file, _readable(str(path)):  # one of its threads that cannot start hangs
+        yield from file.iter_batches(rows, row_groups=groups, columns=columns, use_threads=False)
 
 
 @contextmanager

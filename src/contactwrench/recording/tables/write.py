@@ -1,7 +1,8 @@
 """Contact wrenches as files, batch by batch: CSV, or Parquet beside the columns of the recording.
 
-Columns: `t` where there are times, fx..tz the contact wrench, fx_std..tz_std; where they were judged sample by sample
-also `valid` (1 or 0), `contact` (1, 0, or nothing where nobody can tell) and `reason`, in words, where `valid` is 0.
+Columns: `episode_index` of a set, `t` where there are times, fx..tz the contact wrench, fx_std..tz_std; where they were
+judged sample by sample also `valid` (1 or 0), `contact` (1, 0, or nothing where nobody can tell) and `reason`, in
+words, where `valid` is 0.
 """
 
 from __future__ import annotations
@@ -10,15 +11,18 @@ import io
 from collections.abc import Iterable, Iterator
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...compensate.contact_wrenches import TOUCHING, ContactWrenches
 from ...errors import InputError
 from ...files import write_bytes, write_text
-from .columns import AS_NAMED, WRENCH_COLUMNS, Naming
-from .parquet import SUFFIXES, import_parquet, is_parquet, rows_as_stored
+from .columns import AS_NAMED, ROWS, WRENCH_COLUMNS, Naming
+from .episodes import EPISODE, one_episode
+from .parquet import SUFFIXES, Records, import_parquet, is_parquet, open_parquet
+from .roles import wrench_columns
 
 NAMES = (*WRENCH_COLUMNS, *(f"{name}_std" for name in WRENCH_COLUMNS))
 JUDGEMENT = ("valid", "contact", "reason")
@@ -41,7 +45,7 @@ def write_contact_wrenches(
 
     Args:
         path: `-` is CSV on stdout; Parquet by its suffix.
-        batches: what is written, part after part.
+        batches: what is written, part after part; with their `episode`, those of every recording of a set.
         recording: the one that was compensated. If it is Parquet and `path` too, its columns are kept, and the new
             ones, named contact_fx and so on where it has one of their names, stand beside them: null in rows without a
             wrench.
@@ -71,16 +75,18 @@ def _csv(batches: Iterator[ContactWrenches]) -> Iterator[str]:
 
 def csv_header(batch: ContactWrenches) -> str:
     """The names of the columns that a batch, and those behind it, have."""
-    return ",".join([*(["t"] if batch.t is not None else []), *NAMES, *(JUDGEMENT if batch.judged else [])]) + "\n"
+    before = [*([EPISODE] if batch.episode is not None else []), *(["t"] if batch.t is not None else [])]
+    return ",".join([*before, *NAMES, *(JUDGEMENT if batch.judged else [])]) + "\n"
 
 
 def csv_lines(batch: ContactWrenches) -> Iterator[str]:
     """The rows of a batch, many at a time, by one `%` for many lines: Python writes a number faster than numpy can do
     anything to a text.
     """
-    columns = [*([] if batch.t is None else [batch.t]), *batch.wrench.T, *batch.std.T]
+    known = [(form, column) for form, column in (("%d", batch.episode), ("%r", batch.t)) if column is not None]
+    columns = [*(column for _, column in known), *batch.wrench.T, *batch.std.T]
     judgement = ["%d,%s,%s"] if batch.judged else []
-    line = ",".join([*([] if batch.t is None else ["%r"]), *(["%.9g"] * len(NAMES)), *judgement]) + "\n"
+    line = ",".join([*(form for form, _ in known), *(["%.9g"] * len(NAMES)), *judgement]) + "\n"
     for start in range(0, len(batch), LINES):
         some = slice(start, start + LINES)
         cells = [column[some].tolist() for column in columns]
@@ -109,7 +115,8 @@ def quoted(reason: str | None) -> str:
 def columns_of(batch: ContactWrenches) -> dict[str, Any]:
     """The columns by their names, as pyarrow takes them."""
     values = np.hstack([batch.wrench, batch.std])
-    columns: dict[str, Any] = {} if batch.t is None else {"t": batch.t}
+    columns: dict[str, Any] = {} if batch.episode is None else {EPISODE: batch.episode}
+    columns |= {} if batch.t is None else {"t": batch.t}
     columns |= {name: values[:, k] for k, name in enumerate(NAMES)}
     if batch.judged:
         import pyarrow as pa
@@ -126,8 +133,12 @@ def _beside(
     """The recording's columns and, in the rows that have a wrench, or in all, the new ones."""
     import pyarrow as pa
 
-    waiting, prefix = None, ""
-    for record, has_wrench in rows_as_stored(recording, naming, every_row):
+    waiting, prefix, first = None, "", next(batches, None)
+    batches, whole_set = (
+        chain([] if first is None else [first], batches),
+        first is not None and first.episode is not None,
+    )
+    for record, has_wrench in _rows_as_stored(recording, naming, every_row, whole_set):
         parts: list[Any] = [] if waiting is None else [waiting]
         wanted = int(has_wrench.sum())
         while sum(len(part) for part in parts) < wanted or not parts:
@@ -141,11 +152,25 @@ def _beside(
             at = np.cumsum(has_wrench) - 1
             new = new.take(pa.array(at, mask=~has_wrench))
         kept = {name: record.column(k) for k, name in enumerate(record.schema.names)}
-        names = [name for name in new.column_names if name != "t"]
+        names = [name for name in new.column_names if name not in ("t", EPISODE)]
         prefix = PREFIX if any(name in kept for name in names) else ""
         yield kept | {prefix + name: new.column(name) for name in names}
     if (waiting is not None and len(waiting)) or any(len(batch.wrench) for batch in batches):
         raise InputError(f"{recording}: found fewer rows than were compensated: write to another format")
+
+
+def _rows_as_stored(
+    path: str | Path, naming: Naming, every: bool, whole_set: bool
+) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
+    """All columns as the files have them, of one recording or the `whole_set`, a record batch at a time, and which of
+    its rows (n,) have any of a wrench, or that `every` one counts.
+    """
+    table = open_parquet(path, ROWS, None if whole_set else naming.episode, whole=True)
+    table = table if whole_set else one_episode(table, naming.episode)
+    wrench = wrench_columns(table, naming)
+    for body in table.bodies(wrench):
+        lacking = np.isnan(body.numbers(wrench, may_lack=wrench)).all(axis=1)
+        yield cast(Records, body).record, np.asarray(~lacking | every)
 
 
 def _parquet(batches: Iterable[dict[str, Any]]) -> Iterator[bytes]:
