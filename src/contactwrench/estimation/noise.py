@@ -11,6 +11,7 @@ begins. That the axes are alike, and that they are apart, are two hypotheses (hy
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -117,7 +118,7 @@ class PoseReadings:
         late = np.column_stack([self.R_base_flange.reshape(-1, 9), np.ones(len(self))]) @ lag
         return replace(self, variance=self.variance + len(self) * late**2)
 
-    @property
+    @cached_property
     def least_variance(self) -> Array:
         """The least variance (6,) that is taken seriously: what the stops show on average, and rounding."""
         scale = np.abs(self.wrench).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0)
