@@ -14,7 +14,7 @@ from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.model import AXES
 from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.rigs import NOISE
-from tests.support.world import Array, readings
+from tests.support.world import Array, random_rotations, readings
 
 N = 3000
 
@@ -199,12 +199,14 @@ def test_a_stuck_channel() -> None:
 
 
 @pytest.mark.parametrize("fast", [False, True])
-@pytest.mark.parametrize("channel", [0, 5])
-def test_a_channel_that_never_moved_while_the_others_of_its_group_do_is_stuck(channel: int, fast: bool) -> None:
+@pytest.mark.parametrize(("channel", "at"), [(0, 1.234), (5, 1.234), (3, 0.0), (1, 0.0)])
+def test_a_channel_that_never_moved_while_the_others_of_its_group_do_is_stuck(
+    channel: int, at: float, fast: bool
+) -> None:
     calibration, rig, rng = calibrated(8)
     R = _swing(3000)
     wrench = free(rig, R, rng)
-    wrench[:, channel] = 1.234
+    wrench[:, channel] = at
     batch = cw.Compensator(calibration, rate=RATE, fast=fast).run(wrench, R, times(3000))
     flagged = np.flatnonzero([str(reason).startswith(f"stuck: {AXES[channel]}") for reason in batch.reason])
     assert flagged.tolist() == list(range(flagged[0], 3000))
@@ -276,6 +278,21 @@ def test_a_torque_that_is_not_measured_is_not_stuck() -> None:
         wrench[:, 3:] = 0.0
 
     assert _words(_run(_swing(12_000), unmeasured)) <= {"contact or bias"}
+
+
+@pytest.mark.parametrize("model", ["affine", "mount"])
+@pytest.mark.parametrize("channels", [[3, 4], [5]])
+def test_channels_that_the_calibration_has_nothing_of_are_not_stuck(channels: list[int], model: str) -> None:
+    """Of a sensor that measures four or five of the six."""
+    _, rig, rng = calibrated(1)
+    R = random_rotations(40, rng)
+    wrench = free(rig, R, rng)
+    wrench[:, channels] = 0.0
+    calibration = cw.calibrate(cw.Samples(wrench, R), model)
+    R = _swing(2000)
+    wrench = free(rig, R, rng)
+    wrench[:, channels] = 0.0
+    assert "stuck" not in _words(_compensator(calibration).run(wrench, R, times(2000)))
 
 
 @pytest.mark.parametrize("lost", ["overload", "saturated"])

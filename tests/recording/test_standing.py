@@ -18,7 +18,7 @@ from contactwrench.samples.samples import channels_at_limit
 from tests.support.live import calibrated, times
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.rigs import NOISE
-from tests.support.world import Array, readings
+from tests.support.world import Array, noisy_readings, random_rotations, readings
 
 Capture = pytest.CaptureFixture[str]
 RATE, SECONDS = 100.0, 40.0
@@ -52,10 +52,16 @@ def in_steps(wrench: Array, quantum: float) -> Array:
 
 
 def judged(
-    folder: Path, capsys: Capture, wrench: Array, R: Array, rate: float = RATE, noise: float = 0.1
+    folder: Path,
+    capsys: Capture,
+    wrench: Array,
+    R: Array,
+    rate: float = RATE,
+    noise: float = 0.1,
+    tool: cw.Calibration | None = None,
 ) -> tuple[NDArray[np.bool_], list[str], list[str], str]:
     """What `compensate --contact` writes of each row, `valid`, `contact` and `reason`, and what it says."""
-    calibrated(3)[0].save(folder / "tool.json")
+    (tool or calibrated(3)[0]).save(folder / "tool.json")
     rows = np.column_stack([times(len(R), rate), wrench, R.reshape(-1, 9)])
     path = written(folder, csv_text(("t", *WRENCH, *MATRIX), rows), "run.csv")
     judging = ("--contact", "--noise", str(noise))
@@ -122,13 +128,24 @@ def test_a_quiet_coarse_sensor_at_rest_may_stand_at_its_least_value(tmp_path: Pa
 def test_a_channel_that_is_not_measured_and_a_short_repeat_at_a_maximum_are_honest(
     tmp_path: Path, capsys: Capture
 ) -> None:
+    _, rig, rng = calibrated(3)
+    turns = random_rotations(24, rng)
+    tool = cw.calibrate(cw.Samples(noisy_readings(rig, turns, NOISE, rng) * [1.0, 1.0, 1.0, 1.0, 1.0, 0.0], turns))
     wrench, R = pushed(n=6_000)
     wrench[:, 5] = 0.0
     peak = int(np.argmax(wrench[:, 2]))
     wrench[peak : peak + 15, 2] = wrench[peak, 2]
-    valid, _, reasons, said = judged(tmp_path, capsys, wrench, R)
+    valid, _, reasons, said = judged(tmp_path, capsys, wrench, R, tool=tool)
     assert "limit" not in said
     assert valid.all(), set(reasons)
+
+
+def test_one_that_is_zero_throughout_and_that_the_calibration_has_is_dead(tmp_path: Path, capsys: Capture) -> None:
+    wrench, R = pushed(n=3_000)
+    wrench[:, 5] = 0.0
+    valid, _, reasons, _ = judged(tmp_path, capsys, wrench, R)
+    assert not valid[1:].any()
+    assert reasons[2000] == "stuck: tz has not moved for 2000 readings while others did"
 
 
 @pytest.mark.parametrize("rate", [100.0, 500.0])

@@ -23,7 +23,7 @@ from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start_
 from .contact_detection import LEARN_FIRST, contact_so_far, require_let_go, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .delay import use_delay
-from .faults import BACK, SAME, reason_of
+from .faults import BACK, SAME, measured_by, reason_of
 from .filters import LowPass, gains_of_poses, use_low_pass
 from .inertia import known_motion, use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
@@ -105,7 +105,7 @@ class Compensator:
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
-        s.dof, s.follows_bias = calibration.dof, drift is not None
+        s.dof, s.follows_bias, s.measured = calibration.dof, drift is not None, measured_by(calibration)
         of_an_hour = six_numbers(None if drift is None else with_torques(drift), "drift", WALK)
         s.walk = [std * std / HOUR for std in of_an_hour]
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain

@@ -7,6 +7,7 @@ from math import erf, inf, log, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.calibration import Calibration
 from ..geometry.ranges import TIME
 from ..model import AXES
 from ..samples.samples import LARGEST_READING
@@ -208,10 +209,17 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
     return 0.0
 
 
+def measured_by(calibration: Calibration) -> list[float]:
+    """1 for each channel that reads anything but zero at one of the poses, else 0; where none is kept, all do."""
+    poses = calibration.fitted_poses
+    return np.any([pose.wrench for pose in poses], axis=0).astype(float).tolist() if poses else [1.0] * 6
+
+
 @kernel
 def repeats_allowed(s: State, channel: int) -> float:
     """How often a channel may repeat itself: as often as its noise and its quantum allow, or, where it never moved and
-    the others of its group did, ten times as often as those.
+    the others of its group did, ten times as often as those. One that was never anything but zero while others of its
+    group are not either, or that was nothing else in the calibration, is not measured.
     """
     allowed = CHANCE_OF_REPEATS / -s.log_same[channel] if s.log_same[channel] < 0.0 else inf
     if s.quantum[channel] == inf:
@@ -220,15 +228,16 @@ def repeats_allowed(s: State, channel: int) -> float:
             if s.quantum[k] < inf:
                 moved += 1
                 of_others = max(of_others, s.log_same[k])
-        if moved == 2 and of_others < 0.0:
+        if moved == 2 and of_others < 0.0 and s.measured[channel] > 0.0:
             allowed = min(allowed, NEVER_MOVED * max(LEAST_REPEATS, CHANCE_OF_REPEATS / -of_others))
+        elif s.last_reading[channel] == 0.0:
+            allowed = inf
     return max(LEAST_REPEATS, allowed)
 
 
 @kernel
 def stuck_channel(s: State, reading: Row, now: float) -> int:
-    """The channel that has stood still for longer than its noise and its quantum allow, 6 for all together, or -1. One
-    that was never anything but zero is not measured.
+    """The channel that has stood still for longer than its noise and its quantum allow, 6 for all together, or -1.
 
     Where all six repeat the reading itself was repeated, as a driver does that runs faster than the sensor; that
     is a fault only where it lasts.
@@ -252,8 +261,7 @@ def stuck_channel(s: State, reading: Row, now: float) -> int:
         step = abs(value - last[k])
         if step == 0.0:
             repeats[k] += 1.0
-            measured = value != 0.0 or quantum[k] < inf
-            if measured and repeats[k] > repeats_allowed(s, k):
+            if repeats[k] > repeats_allowed(s, k):
                 stuck = k
         else:
             repeats[k] = 0.0

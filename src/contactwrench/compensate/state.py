@@ -188,6 +188,7 @@ class State:
     # Faults of the reading and of the orientation.
     last_reading: Row = numbers(6)
     repeats: Row = numbers(6)
+    measured: Row = numbers(6, fill=1.0)
     quantum: Row = numbers(6, fill=inf)
     log_same: Row = numbers(6, fill=LOG_SAME_UNSEEN)
     new_time: float = 0.0
