@@ -197,6 +197,23 @@ def test_std_in_base_axes_is_that_of_the_scatter(tmp_path: Path, calibration: Ca
     assert np.abs(ratio - 1.0).max() < 0.1
 
 
+def test_what_a_delay_is_known_by_is_in_the_std_in_any_axes(tmp_path: Path, calibration: Calibration) -> None:
+    """Of a calibration's delay, and not of one that is stated; the sum over the axes is the same in any."""
+    path, layout = write_two_files(tmp_path)
+    late = replace(calibration, delay=LATE, delay_std=0.3 * LATE)
+
+    def variance(delay: float | None, frame: str) -> Array:
+        treatment = Treatment(delay=delay, judged=True, noise=NOISE, output_frame=frame)
+        found = whole(list(compensated(path, layout, late, treatment)))
+        of_force: Array = np.sum(found.std[untouched(found), :3] ** 2, axis=1)[100:]
+        return of_force
+
+    here, there = variance(None, "sensor"), variance(None, "base")
+    stated, stated_there = variance(LATE, "sensor"), variance(LATE, "base")
+    assert here.mean() > 1.1 * stated.mean()
+    assert there - stated_there == pytest.approx(here - stated, abs=0.02 * float(here.mean()))
+
+
 def test_saturated_rows_are_there_and_not_valid(tmp_path: Path, calibration: Calibration) -> None:
     marked = np.zeros(len(recording()[0]))
     marked[[700, 701, 1500]] = 1.0
