@@ -101,7 +101,6 @@ class Compensator:
         s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", PER_KELVIN)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
         use_inertia(s, calibration, self._sensor)
-        self._std_moves = s.knows_inertia or s.delay_std > 0.0
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
@@ -118,7 +117,6 @@ class Compensator:
         track(s, self._calibration, between_poses(self._calibration, self._noise.white * s.knows_noise))
         room = 4 + ceil(max(s.look_back * (s.delay != 0.0), -s.felt_late) * max(DENSEST, 2.0 * (self._rate or 0.0)))
         self._runner = self._steps(s, np.zeros((room, OF_DOWN + OF_MOTION * s.knows_inertia + OF_FELT * s.feels)))
-        self._std = NOT_KNOWN
         self._last_contact: Contact | None = None
         self._use_noise(None)
         if self._rate is not None:
@@ -160,15 +158,13 @@ class Compensator:
         if vars(self).setdefault("owner", me := get_ident()) != me:  # as `by_one_thread`, without another call
             raise InputError(TAKEN)
         said, result = self._runner.step(reading, turn, t, heat, place)
-        if self._std_moves:
-            self._std = self._runner.std()
         if said != ASK:
-            return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
+            return ContactWrench(result, self._runner.std(), float(t), True, None, said == TOUCHING)
         events, fault, detail, channel, judged = self._runner.told()
         if events:
             self._attend(events)
         contact = None if judged == NOT_JUDGED else bool(judged)
-        std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
+        std = self._runner.std() if fault <= SAME or fault >= BACK else NOT_KNOWN
         return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
 
     @by_one_thread
@@ -266,8 +262,6 @@ class Compensator:
     def _attend(self, events: int) -> None:
         """Do what a sample leaves to be done."""
         s = self._runner.state
-        if events & COVARIANCE and not self._std_moves:
-            self._std = read_only(s.wrench_std)
         if events & ENDED:
             self._last_contact = contact_so_far(s, self._noise, float(s.release))
         if events & RATE_FOUND:

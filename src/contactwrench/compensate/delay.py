@@ -4,6 +4,8 @@ leaves of the weight while the arm turns: a wrench along that of the turn.
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 
 from ..calibration.calibration import Calibration
@@ -17,7 +19,9 @@ LEAST_LOOK_BACK = 0.02
 USUAL_DELAY = 0.05
 """s: the scale of delays where nothing tells one."""
 OVER = 0.02
-"""s: over which a turn is followed, as poses that are held between two come in jumps."""
+"""s: over which a turn is followed; behind it, and twice the usual time from pose to pose, one is over."""
+NEXT_TO_NOTHING = 1e-4
+"""Of a variance."""
 
 
 def use_delay(
@@ -96,22 +100,36 @@ def looked_up(ring: Matrix, column: int, at: int, newest: int, wanted: float) ->
 
 
 @kernel
-def follow_turn(s: State, passed: float, fresh: bool) -> None:
+def follow_turn(s: State, now: float, passed: float, fresh: bool) -> bool:
     """How fast down turns, behind the sensor's own filter, `passed` s after the sample before, and the wrench (6,) that
-    a delay which is one standard deviation off makes of it. Nothing is learned of the bias where that is beyond the
-    noise.
+    is made of it by a delay one standard deviation off and by the age of an orientation that is held; whether that
+    counts. Nothing is learned of the bias where it is beyond the noise.
     """
-    s.followed = 0.0 if fresh else min(s.followed + passed, OVER)
-    down, last, turning = s.down, s.last_down, s.turning
+    down, last, turning, counts = s.down, s.last_down, s.turning, False
+    if fresh:
+        s.followed = s.since_turn = turning[0] = turning[1] = turning[2] = 0.0
+    else:
+        s.since_turn += passed
+    turned = down[0] != last[0] or down[1] != last[1] or down[2] != last[2]
+    if s.since_turn > 0.0 and (turned or s.since_turn > OVER + 2.0 * s.turn_usual):
+        since = s.since_turn if turned else passed
+        s.followed = max(min(s.followed + since, OVER), since)
+        for k in range(3):
+            turning[k] += (down[k] - last[k] - since * turning[k]) / s.followed
+        s.since_turn = 0.0 if turned else s.since_turn
     for k in range(3):
-        turning[k] = 0.0 if fresh else turning[k] + (down[k] - last[k] - passed * turning[k]) / max(s.followed, passed)
         last[k] = down[k]
+    held = 0.0 if s.knows_inertia else now - s.turn_time
+    late = sqrt(s.delay_std * s.delay_std + held * held)
     for k in range(6):
         B = s.B[k]
-        off = s.of_delay[k] = s.delay_std * (B[0] * turning[0] + B[1] * turning[1] + B[2] * turning[2])
-        s.of_motion[k] = off * off
-        if s.of_motion[k] > s.systematic[k][k] + s.noise_left[k]:
+        off = s.of_delay[k] = late * (B[0] * turning[0] + B[1] * turning[1] + B[2] * turning[2])
+        of_motion, at_rest = off * off, s.systematic[k][k] + s.noise_left[k]
+        s.of_motion[k] = of_motion
+        counts = counts or of_motion > NEXT_TO_NOTHING * at_rest
+        if of_motion > at_rest:
             s.spoiled = True
+    return counts
 
 
 @kernel

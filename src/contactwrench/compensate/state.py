@@ -172,6 +172,7 @@ class State:
 
     # How fast down turns as the sensor sees it, 1/s, and the wrench that a delay one std off makes of that.
     followed: float = 0.0
+    since_turn: float = 0.0
     last_down: Row = numbers(3)
     turning: Row = numbers(3)
     of_delay: Row = numbers(6)

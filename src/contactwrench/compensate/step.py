@@ -164,15 +164,13 @@ def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
 @kernel
 def weigh(s: State, sample: Sample, passed: float, fresh_pose: bool) -> None:
     """The statistic of the contact wrench and its std; in motion both know what is noisier then."""
-    if s.delay_std > 0.0:
-        follow_turn(s, passed, fresh_pose)
+    moving = follow_turn(s, sample.time, passed, fresh_pose) or s.knows_inertia
     if s.knows_inertia:
         sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample))
     else:
         sample.statistic = statistic_of(sample.wrench, s.whitening)
-        if s.delay_std > 0.0:
+        if moving:
             sample.statistic -= explained_by_delay(s, sample.wrench)
-    moving = s.knows_inertia or s.delay_std > 0.0
     for k in range(6):
         at_rest = s.wrench_std[k]
         sample.wrench_std[k] = sqrt(at_rest * at_rest + s.of_motion[k]) if moving else at_rest
