@@ -27,7 +27,7 @@ from .faults import BACK, SAME, measured_by, reason_of
 from .filters import LowPass, gains_of_poses, use_low_pass
 from .inertia import known_motion, use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
-from .runner import TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
+from .runner import NOTHING_TOLD, TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
 from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
@@ -151,7 +151,7 @@ class Compensator:
         """
         reading, turn = numbers(wrench, "wrench"), numbers(orientation, "orientation")
         at_rest = position is None and acceleration is None
-        place = NOT_KNOWN[:3] if at_rest else told(self._calibration, position, acceleration)
+        place = NOTHING_TOLD if at_rest else told(self._calibration, position, acceleration)
         require_one(reading, turn, place)
         t = t if isinstance(t, float) else number(seconds(t), "t")
         heat = nan if temperature is None else number(temperature, "temperature")

@@ -31,6 +31,8 @@ TAKEN = "found a call from a second thread, expected one: give each a Compensato
 ROWS_AT_ONCE = 128
 NOT_KNOWN, NOT_GROWN = [nan] * TERMS, [nan] * 6
 """Of a motion, and by how much it widens a variance."""
+NOTHING_TOLD = np.full(3, nan)
+"""Of a motion, with a reading alone."""
 TOLD = ("events", "fault", "detail", "channel", "contact")
 GIVEN = ("reading", "orientation", "time", "temperature", "told", "passed", "motion", "motion_variance")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
@@ -189,11 +191,14 @@ class Compiled:
     def step(self, reading: Array, turn: Array, t: float, temperature: float, told: Array) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         width = turn.size
-        self._motion_told[...] = told
+        if told is not NOTHING_TOLD:
+            self._motion_told[...] = told
         self._reading[...] = reading
         self._turns[width][...] = turn
         self._time[0], self._temperature[0] = t, temperature
         self._advance(self._record, self._samples, self._ring, width, 0)
+        if told is not NOTHING_TOLD:
+            self._motion_told[...] = nan
         return self._said.item(), np.frombuffer(self._wrench.tobytes())
 
     def std(self) -> Array:
@@ -207,7 +212,7 @@ class Compiled:
         self._turns[width][...] = turn
         self._time[0], self._passed[0] = t, passed
         self._advance(self._record, self._samples, self._ring, width, 0)
-        self._passed[0] = nan
+        self._passed[0] = self._motion_told[...] = nan
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the end or the first with an event; how many are taken."""
