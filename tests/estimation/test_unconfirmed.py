@@ -117,6 +117,40 @@ def test_a_bias_that_moves_beside_an_earlier_calibration_takes_what_another_tool
     ]
 
 
+def _in_a_cone(rng: np.random.Generator, poses: int, deg: float) -> Array:
+    """Orientations (n, 3, 3) of a flange that points down within so many degrees."""
+    tilts = np.deg2rad(deg) * np.sqrt(rng.uniform(size=poses))
+    towards, turns = rng.uniform(0.0, 2.0 * np.pi, (2, poses))
+    tilted = Rotation.from_rotvec(tilts[:, None] * np.column_stack([np.cos(towards), np.sin(towards), 0.0 * towards]))
+    matrices: Array = (Rotation.from_euler("z", turns[:, None]) * tilted * Rotation.from_euler("x", np.pi)).as_matrix()
+    return matrices
+
+
+@pytest.mark.parametrize(("poses", "deg"), [(4, 20.0), (6, 15.0), (8, 12.0)])
+def test_in_a_cone_a_mounting_that_slipped_does_not_pass_for_a_new_zero(poses: int, deg: float) -> None:
+    for seed in range(8):
+        rig, R, rng = example(200 + seed, 12)
+        rig = replace(rig, weight=20.0)
+        earlier = cw.calibrate(noisy(rig, R, rng, 3.0 * NOISE), "mount")
+        axis = rng.normal(size=3)
+        slip = Rotation.from_rotvec(np.deg2rad(5.0) * axis / np.linalg.norm(axis)).as_matrix()
+        slipped = replace(rig, R_flange_sensor=rig.R_flange_sensor @ slip, bias=rig.bias + rng.normal(size=6))
+        samples = noisy(slipped, _in_a_cone(rng, poses, deg), rng, 3.0 * NOISE)
+        assert cw.calibrate(samples, prior=earlier).verdict != "good"
+        assert not verify(earlier, samples).passed
+
+
+def test_poses_all_round_show_that_tool_and_mounting_are_the_same() -> None:
+    for seed in range(6):
+        rig, R, rng = example(200 + seed, 12)
+        rig = replace(rig, weight=20.0)
+        earlier = cw.calibrate(noisy(rig, R, rng, 3.0 * NOISE), "mount")
+        zeroed = replace(rig, bias=rig.bias + rng.normal(size=6))
+        samples = noisy(zeroed, random_rotations(8, rng), rng, 3.0 * NOISE)
+        assert cw.calibrate(samples, prior=earlier).verdict == "good"
+        assert any("one pose gives the new zero" in finding.text for finding in verify(earlier, samples).findings)
+
+
 @cache
 def _earlier(seed: int) -> tuple[Rig, cw.Calibration, np.random.Generator]:
     rig, R, rng = example(seed, 12)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.findings import WEAK_SHARE, Finding, Kind
+from ..calibration.findings import Finding, Kind
 from ..geometry.arrays import Array
 from ..model import MOUNT, PARAMETERS, wrench_jacobian
 from ..samples.poses import Pose
@@ -20,6 +20,10 @@ from .noise import PoseReadings, variance_of_means
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, rows_of, stated_knowledge
 from .rigid import estimated, model_fitted
 
+OPEN_SHARE = 0.025
+"""Of the weight: by so much, a standard deviation, poses may leave the contact force open that are to show whether tool
+and mounting are those of before. A mounting that slipped by 5 deg makes 9 % of it.
+"""
 UNLIKELY = 0.01
 """The probability by which less is left of an earlier calibration that holds, from which on that it does is doubted."""
 
@@ -37,7 +41,7 @@ def of_prior(fit: Estimate, readings: PoseReadings, poses: Iterable[Pose], quest
         variance, dof = np.tile(question.noise.std**2, (len(R), 1)), 0.0
     residuals = prior.compensate(readings.wrench - fit.change[fit.kept], R)
     _, bias = held_against(prior, residuals, R, variance, dof)
-    by_chance = 1.0 if bias is None else bias.rest_probability
+    by_chance = 1.0 if bias is None else min(2.0 * min(bias.rest_probability, bias.other_probability), 1.0)
     contradict = (
         "the poses contradict the earlier calibration: tool, mounting or base changed, the tool touches something, or "
         "the poses are noisier (--noise); calibrate anew, without --prior"
@@ -66,7 +70,7 @@ def _rests_on_prior(fit: RigidEstimate, R_base_flange: Array, std: Array) -> Row
         f"{counted(len(J), 'pose')}{' with a moving bias' * fit.bias_moved} cannot show others; record more, tilted by "
         "30 deg or more"
     )
-    return open_by > WEAK_SHARE * fit.weight_scale or fit.bias_moved, DOUBTFUL, Kind.RESTS_ON_PRIOR, text
+    return open_by > OPEN_SHARE * fit.weight_scale or fit.bias_moved, DOUBTFUL, Kind.RESTS_ON_PRIOR, text
 
 
 def of_known(known: Mapping[str, tuple[Any, Any]], readings: PoseReadings, question: Question) -> list[Finding]:

@@ -31,9 +31,9 @@ class BiasShift(Frozen):
     """The part of the residuals that a bias explains which moved since the calibration.
 
     `shift` (6,), N and N m, the same in all poses, with its `std` (6,); `chi2` of it, its share of the whole, and the
-    `probability` of as much by chance; `rest_chi2` and `rest_probability` of what it leaves; `alone`: whether that is
-    what the calibration explains, and no other tool or mounting would do as well; `with_other`: whether with one
-    of these it explains all.
+    `probability` of as much by chance; `rest_chi2` and `rest_probability` of what it leaves; `other_probability` of as
+    much of that as another tool or mounting explains beside it; `alone`: whether the rest is what the calibration
+    explains, and no other tool or mounting would do as well; `with_other`: whether with one of these it explains all.
     """
 
     shift: Array
@@ -42,6 +42,7 @@ class BiasShift(Frozen):
     probability: float
     rest_chi2: float
     rest_probability: float
+    other_probability: float
     alone: bool
     with_other: bool
 
@@ -83,11 +84,13 @@ def held_against(
     shift = inverse @ products[1:7, 0]
     of_shift = MisfitTest(float(shift @ products[1:7, 0]), 6, dof)
     rest = MisfitTest(whole.misfit - of_shift.misfit, 6 * n - 6, dof)
-    others, left = [], 6 * n - len(products) + 7
+    others, left, beside = [], 6 * n - len(products) + 7, 1.0
     for first, known in ((7, 0), (1, 6)):
-        by_others = np.linalg.lstsq(products[first:, first:], products[first:, 0], rcond=None)[0] @ products[first:, 0]
-        test = MisfitTest(whole.misfit - float(by_others), max(left - known, 1), dof)
+        found, _, rank, _ = np.linalg.lstsq(products[first:, first:], products[first:, 0], rcond=None)
+        explained = float(found @ products[first:, 0])
+        test = MisfitTest(whole.misfit - explained, max(left - known, 1), dof)
         others.append(test.probability >= SIGNIFICANCE)
+        beside = MisfitTest(max(explained - of_shift.misfit, 0.0), max(int(rank) - 6, 1), dof).probability
     return whole, BiasShift(
         shift=shift,
         std=np.sqrt(np.diag(inverse)),
@@ -95,7 +98,8 @@ def held_against(
         probability=of_shift.probability,
         rest_chi2=rest.misfit,
         rest_probability=rest.probability,
-        alone=rest.probability >= SIGNIFICANCE and left > 0 and not others[0],
+        other_probability=beside,
+        alone=min(rest.probability, beside) >= SIGNIFICANCE and left > 0 and not others[0],
         with_other=left - 6 >= LEAST_LEFT and others[1],
     )
 
