@@ -239,6 +239,45 @@ def test_the_program_refuses_what_no_object_is(tmp_path: Path, capsys: pytest.Ca
     assert ("\n  mass " in done.out) == (mass > 0.0)
 
 
+def _tilted(rng: np.random.Generator, poses: int, deg: float) -> Array:
+    """Orientations (n, 3, 3) about a random one, within so many degrees."""
+    turns = rng.normal(size=(poses, 3))
+    turns *= np.deg2rad(deg) * np.sqrt(rng.uniform(size=(poses, 1))) / np.linalg.norm(turns, axis=1, keepdims=True)
+    return np.asarray((Rotation.from_matrix(random_rotations(1, rng)[0]) * Rotation.from_rotvec(turns)).as_matrix())
+
+
+@pytest.mark.parametrize(("deg", "noises"), [(20.0, 10.0), (20.0, 30.0), (40.0, 10.0), (60.0, 10.0)])
+def test_a_zero_that_moved_along_gravity_is_no_mass(deg: float, noises: float) -> None:
+    """It is said, or, where the poses do not show it, that they do not; a zero that stayed is neither."""
+    said, silent = 0, 0
+    for seed in range(10):
+        rig, R, rng = example(300 + seed, 16)
+        calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+        at = _tilted(rng, 6, deg)
+        samples = _noisy_holding(rig, 1.0, COM, at, rng)
+        assert not any(finding.kind is Kind.BIAS_SHIFTED for finding in weigh(calibration, samples).findings)
+        moved = np.r_[_down_in_sensor(rig, at[0]) * noises * NOISE[0], 0.0, 0.0, 0.0]
+        held = weigh(calibration, cw.Samples(samples.wrench + moved, at))
+        shifts = [finding.text for finding in held.findings if finding.kind is Kind.BIAS_SHIFTED]
+        notes = [finding.text for finding in held.findings if finding.kind is Kind.UNCONFIRMED]
+        for text in shifts:
+            assert text.startswith("doubtful: the zero is another one than the calibration's (probability ")
+            grams, std = (float(word) for word in text.partition("poses tell ")[2].partition(" g;")[0].split(" +- "))
+            assert abs(grams - 1000.0) < 5.0 * std
+        said += bool(shifts)
+        silent += not (shifts or notes) and abs(held.mass - 1.0) > 5.0 * held.mass_std
+    assert silent == 0
+    assert said >= (4 if deg * noises > 300.0 else 0)
+
+
+def test_poses_all_round_need_no_note_about_the_zero() -> None:
+    rig, R, rng = example(8, 16)
+    held = weigh(
+        cw.calibrate(noisy(rig, R, rng), "mount"), _noisy_holding(rig, 2.0, COM, random_rotations(8, rng), rng)
+    )
+    assert held.findings == ()
+
+
 @pytest.mark.parametrize("poses", [1, 4])
 def test_a_touch_is_noticed(poses: int) -> None:
     """A push of 1 N across gravity in the first pose; without it there is no such warning."""

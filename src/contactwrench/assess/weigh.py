@@ -38,8 +38,8 @@ THREE_STD = 0.9973
 PASSES = 3
 """How often the object's weight, which turns with the calibration's errors, is taken from the pass before."""
 
-ANY_ZERO, UNCONFIRMED = 100.0, 0.03
-"""N and N m, by which a zero may be off that nobody knows; of the mass, by which poses alone may leave it open."""
+ANY_ZERO, UNCONFIRMED, LEAST_UNCONFIRMED = 100.0, 2.0, 0.005
+"""N and N m, by which a zero may be off that nobody knows; of the std, and of the mass, that poses may leave open."""
 
 SHARES_OFF, BY_CHANCE = np.array([0.0, 0.25, 0.5, 1.0, 1.5]), 2.0
 """Of the largest error in orientation that calibrating leaves open: those that are tried; and the natural logarithm of
@@ -132,7 +132,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     _, x, x_covariance, misfit, white, errors = max(tried, key=lambda found: found[0])
     any_zero = np.broadcast_to(ANY_ZERO * np.eye(6), (len(R), 6, 6))
     of_all = np.concatenate([errors, any_zero], axis=2)
-    own_std = float(np.sqrt(_least_squares(white @ gravity, white @ of_all, white @ contact)[1][0, 0]))
+    by_poses, of_poses, less = _least_squares(white @ gravity, white @ of_all, white @ contact)
     mass, moment = float(x[0]), across @ x[1:]
 
     unfold = np.zeros((4, len(x)))
@@ -153,6 +153,8 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
             com_flange = R_flange_sensor @ com
             com_flange_std = np.sqrt(np.diag(R_flange_sensor @ (com_covariance + turn @ turn.T) @ R_flange_sensor.T))
     test = MisfitTest(misfit, contact.size - len(x), noise_dof(calibration))
+    zero = MisfitTest(max(misfit - less, 0.0), 6, test.dof), MisfitTest(less, max(test.readings - 6, 1), test.dof)
+    own = _ByPoses(float(by_poses[0]), float(np.sqrt(of_poses[0, 0])), *zero)
     return HeldObject(
         mass=mass,
         mass_std=mass_std,
@@ -169,7 +171,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         probability=test.probability,
         dof=calibration.dof,
         g=g,
-        findings=(*left_out, *_doubts(mass, surely, own_std, com, unknown_along is not None, test)),
+        findings=(*left_out, *_doubts(mass, mass_std, surely, own, com, unknown_along is not None, test)),
     )
 
 
@@ -234,12 +236,20 @@ def _least_squares(A: Array, J: Array, y: Array) -> tuple[Array, Array, float]:
     return (inverse @ along)[:q], inverse[:q] @ inverse[:q].T, float(left @ left)
 
 
+@dataclass(frozen=True)
+class _ByPoses:
+    """The mass (kg) that poses tell whatever the zero is, its std, and the tests that none moved, and of the rest."""
+
+    mass: float
+    std: float
+    moved: MisfitTest
+    rest: MisfitTest
+
+
 def _doubts(
-    mass: float, surely: float, own_std: float, com: Array | None, one_direction: bool, test: MisfitTest
+    mass: float, std: float, surely: float, own: _ByPoses, com: Array | None, one_direction: bool, test: MisfitTest
 ) -> Iterator[Finding]:
-    """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero. Whatever the
-    zero is, its std would be `own_std` kg.
-    """
+    """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero."""
     distance = 0.0 if com is None else float(np.linalg.norm(com))
     if mass < -surely:
         text = (
@@ -265,14 +275,22 @@ def _doubts(
             "another pose for the rest"
         )
         yield Finding(Kind.ADVICE, Severity.NOTE, text)
-    if mass > surely and own_std > max(surely, UNCONFIRMED * mass):
-        tell = f"tell it within {two_digits(1e3 * own_std)} g" if own_std < mass else "do not tell it"
+    if mass > surely and own.std > max(UNCONFIRMED * std, LEAST_UNCONFIRMED * mass):
+        tell = f"tell it within {two_digits(1e3 * own.std)} g" if own.std < mass else "do not tell it"
         text = (
             f"the mass counts from the calibration's zero: by themselves the poses {tell}; verify the empty tool just "
             "before, or tilt it further"
         )
         yield Finding(Kind.UNCONFIRMED, Severity.NOTE, text)
-    if test.probability < SIGNIFICANCE:
+    moved = own.moved.probability < 0.5 * SIGNIFICANCE
+    if moved and own.std < mass and own.rest.probability >= SIGNIFICANCE:
+        text = (
+            f"the zero is another one than the calibration's (probability {percent(own.moved.probability)}): with any "
+            f"zero the poses tell {two_digits(1e3 * own.mass)} +- {two_digits(1e3 * own.std)} g; take the new zero of "
+            "the empty tool (contactwrench calibrate FILE --prior CAL.json)"
+        )
+        yield Finding.doubtful(Kind.BIAS_SHIFTED, text)
+    elif moved or test.probability < 0.5 * SIGNIFICANCE:
         text = (
             f"a rigid object that hangs free does not explain the readings (chi-square {test.chi2:.3g} per degree of "
             f"freedom, probability {percent(test.probability)}): it or the tool touched something, it moved between "
