@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 
 import contactwrench as cw
+from contactwrench.calibration.findings import Kind
 from contactwrench.errors import AmbiguityError, InputError, UnobservableError
 from contactwrench.estimation.several_tools import calibrate_shared
 from tests.support.recordings import matrix_table, run, rx, ry, rz, written
@@ -329,3 +330,17 @@ def test_flags_that_do_not_go_together_are_refused(files: tuple[Path, Path], cap
         assert run(capsys, "calibrate", *arguments).complaint == message
     assert heavy.read_text() == same.read_text()
     assert [path.name for path in folder.iterdir()] == ["heavy.csv"]
+
+
+def test_a_light_tool_that_is_as_noisy_as_a_heavy_one_is_read_rightly() -> None:
+    """0.2 N an axis: under 20 N nobody minds, under 2 N alone it would be a file that is read wrongly."""
+    noise, rng = 4.0 * NOISE, np.random.default_rng(5)
+    heavy, light = two_tools(rng)
+    heavy, light = replace(heavy, weight=20.0), replace(light, weight=2.0)
+    samples = [noisy(rig, random_rotations(POSES, rng), rng, noise) for rig in (heavy, light)]
+    assert Kind.POOR_FIT in {finding.kind for finding in cw.calibrate(samples[1]).findings}
+    for shared in (BOTH, ("mount",)):
+        for calibration in calibrate_shared(samples, shared):
+            assert Kind.POOR_FIT not in {finding.kind for finding in calibration.findings}
+    misread = replace(samples[1], R_base_flange=samples[1].R_base_flange.transpose(0, 2, 1))
+    assert Kind.POOR_FIT in {finding.kind for finding in calibrate_shared([samples[0], misread])[1].findings}

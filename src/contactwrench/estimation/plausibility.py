@@ -7,8 +7,8 @@ those of things, not of the sets at hand; each is beyond what a robot carries, a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,6 +67,9 @@ TEXTS = {
 }
 SURELY = "? Weigh the tool; contactwrench diagnose lists other units and signs; if it is so: --known {}+-STD"
 """Of each oddity, what is found and the likeliest mistakes; then what decides."""
+
+NOISIER = 1.5
+"""By so much, as a factor, what is left of two tools on one sensor may differ."""
 
 LIGHTEST_TOOL = 0.5
 """N: few tools weigh less, and what a controller leaves of one whose payload it subtracts mostly does."""
@@ -148,6 +151,20 @@ def implausible(estimate: Estimate, question: Question) -> Iterator[Finding]:
         yield (Finding.weak if distance > FURTHEST_COM else Finding.doubtful)(Kind.IMPLAUSIBLE_TOOL, text)
     if isinstance(estimate, RigidEstimate):
         yield from _leaning(estimate, question)
+
+
+def on_one_sensor(calibrations: Sequence[Calibration]) -> tuple[Calibration, ...]:
+    """Calibrations of tools on one sensor, less that a light one fits badly of which no more is left than of another
+    one that fits: it is the sensor's noise.
+    """
+    left = [float(np.linalg.norm(each.residual_rms[:3])) for each in calibrations]
+    of_fit = [[finding for finding in each.findings if finding.kind is not Kind.POOR_FIT] for each in calibrations]
+    fits = [len(said) == len(each.findings) for said, each in zip(of_fit, calibrations, strict=True)]
+    least = max((of_one for of_one, fit in zip(left, fits, strict=True) if fit), default=0.0)
+    return tuple(
+        replace(each, findings=tuple(said)) if of_one < NOISIER * least else each
+        for each, said, of_one in zip(calibrations, of_fit, left, strict=True)
+    )
 
 
 def inherited(prior: Calibration | None) -> tuple[Finding, ...]:

@@ -37,6 +37,7 @@ from .calibrate import Recorded, assembled, from_recording, question_asked
 from .estimate import RigidEstimate
 from .initial_guess import linear_fit
 from .noise import NoiseLike, PoseReadings
+from .plausibility import on_one_sensor
 from .priors import (
     BASE_TILT_SD,
     MOUNT_TILT_SD,
@@ -116,17 +117,14 @@ def calibrate_shared(
     results = []
     for k, (recording, joint) in enumerate(zip(recorded, estimates, strict=True)):
         estimate = joint if recording.found.lag is None else joint.with_noise_of(recording.estimate)
-        agreed = replace(
-            recording,
-            estimate=_agreeing(estimate, recording.readings, estimates[leader], sharing),
-            findings=(*recording.findings, *contradictions),
-        )
-        others = ", ".join(source for j, source in enumerate(sources) if j != k)
+        agreeing = _agreeing(estimate, recording.readings, estimates[leader], sharing)
+        agreed = replace(recording, estimate=agreeing, findings=(*recording.findings, *contradictions))
+        origin = {"shared": ", ".join(sharing.names), "shared_with": ", ".join(sources[:k] + sources[k + 1 :])}
         try:
-            results.append(assembled(agreed, asked[k], {"shared": ", ".join(sharing.names), "shared_with": others}))
+            results.append(assembled(agreed, asked[k], origin))
         except (UnobservableError, AmbiguityError) as error:
             raise type(error)(f"{sources[k]}: {error}") from None
-    return tuple(results)
+    return on_one_sensor(results)
 
 
 def require_shareable(recordings: int, shared: Sequence[str], model: str, known: Mapping[str, Any]) -> None:
