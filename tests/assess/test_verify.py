@@ -109,6 +109,23 @@ def test_a_bias_that_goes_on_moving_breaks_no_calibration(
         assert np.abs((result.bias.shift - further * DRIFT) / result.bias.std).max() < 4.0
 
 
+@pytest.mark.parametrize("noisier", [3.0, None])
+def test_poses_that_no_tool_explains_are_not_said_to_have_another(noisier: float | None) -> None:
+    """Three times as noisy, or with orientations that are read the wrong way round."""
+    rig, R, rng = example(23)
+    calibration, unseen = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(10, rng)
+    wrench = noisy(rig, unseen, rng, (noisier or 1.0) * NOISE).wrench
+    samples = cw.Samples(wrench, unseen if noisier else unseen.transpose(0, 2, 1))
+    (text,) = (finding.text for finding in verify(calibration, samples).findings)
+    assert text.startswith("a bias that moved by ")
+    times = text.partition("; no tool and mounting explain that, poses differ ")[2].partition(" ")[0]
+    assert text.endswith(
+        f"{times} times as much as when calibrating: look for contact, motion, a base that moved, or a file that is read "
+        "otherwise (sign, units, orientation: contactwrench diagnose)"
+    )
+    assert float(times) == pytest.approx(3.0, rel=0.3) if noisier else float(times) > 20.0
+
+
 def test_the_parts_of_chi_square_are_those_of_the_textbook() -> None:
     """The bias' part is what a fit of six more numbers takes off, with the full covariance built and inverted."""
     rig, R, rng = example(22)

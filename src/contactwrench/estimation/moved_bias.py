@@ -12,10 +12,15 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array, Frozen
-from ..statistics import SIGNIFICANCE, MisfitTest, force_and_torque, percent, products_of_readings
+from ..statistics import SIGNIFICANCE, MisfitTest, force_and_torque, percent, products_of_readings, two_digits
 from .outliers import MOST_SHARE
 
 NEW_ZERO = "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"
+MORE_CHANGED = "more than the bias changed: calibrate anew"
+NOISIER = (
+    "no tool and mounting explain that, poses differ {} times as much as when calibrating: look for contact, motion, a "
+    "base that moved, or a file that is read otherwise (sign, units, orientation: contactwrench diagnose)"
+)
 OF_PART = 2
 """Poses at least before and after a change of the bias: a single one may be in contact."""
 FEWEST_IF_MOVED, MOST_OFF = 6, 12
@@ -33,7 +38,8 @@ class BiasShift(Frozen):
     `shift` (6,), N and N m, the same in all poses, with its `std` (6,); `chi2` of it, its share of the whole, and the
     `probability` of as much by chance; `rest_chi2` and `rest_probability` of what it leaves; `other_probability` of as
     much of that as another tool or mounting explains beside it; `alone`: whether the rest is what the calibration
-    explains, and no other tool or mounting would do as well; `with_other`: whether with one of these it explains all.
+    explains, and no other tool or mounting would do as well; `with_other`: whether with one of these it explains all;
+    `times_noise`: by how much, as a factor, poses differ more than when calibrating, whatever these are; 0: too few.
     """
 
     shift: Array
@@ -45,6 +51,7 @@ class BiasShift(Frozen):
     other_probability: float
     alone: bool
     with_other: bool
+    times_noise: float
 
     @property
     def finding(self) -> Finding | None:
@@ -55,7 +62,8 @@ class BiasShift(Frozen):
         if self.alone:
             remedy = NEW_ZERO
         elif self.rest_probability < SIGNIFICANCE:
-            remedy = "more than the bias changed: calibrate anew"
+            scatters = self.times_noise > 0.0 and not self.with_other
+            remedy = NOISIER.format(two_digits(self.times_noise)) if scatters else MORE_CHANGED
         far = f"moved by {force_and_torque(self.shift)}"
         text = (
             f"{f'the bias {far}, which' if self.alone else f'a bias that {far}'} explains {self.chi2:.3g} of the "
@@ -89,7 +97,7 @@ def held_against(
         found, _, rank, _ = np.linalg.lstsq(products[first:, first:], products[first:, 0], rcond=None)
         explained = float(found @ products[first:, 0])
         test = MisfitTest(whole.misfit - explained, max(left - known, 1), dof)
-        others.append(test.probability >= SIGNIFICANCE)
+        others.append(test)
         beside = MisfitTest(max(explained - of_shift.misfit, 0.0), max(int(rank) - 6, 1), dof).probability
     return whole, BiasShift(
         shift=shift,
@@ -99,8 +107,9 @@ def held_against(
         rest_chi2=rest.misfit,
         rest_probability=rest.probability,
         other_probability=beside,
-        alone=min(rest.probability, beside) >= SIGNIFICANCE and left > 0 and not others[0],
-        with_other=left - 6 >= LEAST_LEFT and others[1],
+        alone=min(rest.probability, beside) >= SIGNIFICANCE and left > 0 and others[0].probability < SIGNIFICANCE,
+        with_other=left - 6 >= LEAST_LEFT and others[1].probability >= SIGNIFICANCE,
+        times_noise=float(np.sqrt(max(others[1].chi2, 0.0))) if left - 6 >= LEAST_LEFT else 0.0,
     )
 
 
