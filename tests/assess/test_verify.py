@@ -120,8 +120,8 @@ def test_poses_that_no_tool_explains_are_not_said_to_have_another(noisier: float
     assert text.startswith("a bias that moved by ")
     times = text.partition("; no tool and mounting explain that, poses differ ")[2].partition(" ")[0]
     assert text.endswith(
-        f"{times} times as much as when calibrating: look for contact, motion, a base that moved, or a file that is read "
-        "otherwise (sign, units, orientation: contactwrench diagnose)"
+        f"{times} times as much as when calibrating: look for contact, motion, a base that moved, or a file that is "
+        "read otherwise (sign, units, orientation: contactwrench diagnose)"
     )
     assert float(times) == pytest.approx(3.0, rel=0.3) if noisier else float(times) > 20.0
 
