@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 import contactwrench as cw
+from contactwrench.assess.verify import verify
 from contactwrench.calibration.findings import Kind, Severity
 from contactwrench.estimation.several_tools import calibrate_shared
 from contactwrench.samples.recorded_poses import recorded_poses
@@ -79,6 +80,19 @@ def test_of_a_motion_that_repeats_itself_the_std_counts_the_lag_that_it_does_not
         assert off.max() < 5.0
         other = cw.calibrate(stirred(seed, period, 0.62 * period))
         assert other.wrench_std(R)[:, :3].mean() < 0.5 * found.wrench_std(R)[:, :3].mean()
+
+
+def test_a_calibration_holds_in_a_motion_that_repeats_itself_unless_its_zero_moved() -> None:
+    rng = np.random.default_rng(1)
+    R = np.repeat(Rotation.random(14, random_state=3).as_matrix(), 50, axis=0)
+    u = R.transpose(0, 2, 1) @ [0.0, 0.0, -1.0]
+    std = 0.08 * np.array([1.0, 1.0, 1.0, 0.04, 0.04, 0.04])
+    wrench = BIAS + np.hstack([WEIGHT * u, np.cross(COM, WEIGHT * u)]) + std * rng.normal(size=(len(R), 6))
+    calibration = cw.calibrate(cw.Samples(wrench, R), "mount")
+    for seed in (0, 3, 8):
+        samples = stirred(seed, 30.0, 30.0)
+        assert verify(calibration, samples).passed
+        assert not verify(calibration, replace(samples, wrench=samples.wrench + [0.3, 0.0, 0.0, 0.0, 0.0, 0.0])).passed
 
 
 def test_tools_that_share_a_mounting_share_the_lag_in_their_std_too() -> None:

@@ -23,7 +23,7 @@ from ..estimation.moved_bias import BiasShift, apart, held_against, noise_dof
 from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, G
 from ..samples.poses import Pose, names_of
-from ..samples.recorded_poses import is_stream, resting_poses
+from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings
 from .weigh import gravity_in_sensor
@@ -139,14 +139,15 @@ def verify(
     if not len(samples):
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
     weighings, weighed = _weigh(calibration, samples, load, g)
-    poses = resting_poses(samples.select(load == 0.0), is_stream(samples))
+    free = recorded_poses(samples.select(load == 0.0), 0, is_stream(samples))
+    poses = free.poses
     residuals, bias = np.empty((0, 6)), None
     tests = {} if weighed is None else {"error of the weighings": weighed}
     if poses:
         R = np.array([pose.R_base_flange for pose in poses])
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
         noise = reading_variance(calibration, poses)
-        whole, bias = held_against(calibration, residuals, R, noise, noise_dof(calibration))
+        whole, bias = held_against(calibration, residuals, R, noise, noise_dof(calibration), free.lag)
         named: tuple[Finding, ...] = ()
         if bias is not None and max(whole.probability, bias.rest_probability) < SIGNIFICANCE and not bias.with_other:
             names = names_of(poses, 0.0 if samples.t is None else samples.t[0])

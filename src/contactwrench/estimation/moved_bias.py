@@ -74,17 +74,27 @@ class BiasShift(Frozen):
 
 
 def held_against(
-    calibration: Calibration, residuals: Array, R_base_flange: Array, variance: Array, dof: float
+    calibration: Calibration,
+    residuals: Array,
+    R_base_flange: Array,
+    variance: Array,
+    dof: float,
+    lag: Array | None = None,
 ) -> tuple[MisfitTest, BiasShift | None]:
     """The test of what poses (n, 3, 3) read beside what the calibration predicts, `residuals` (n, 6), whose noise has
-    the `variance` (n, 6), known with `dof` degrees of freedom (0: exactly); and what of their misfit a moved bias
-    explains, None for a single pose.
+    the `variance` (n, 6), known with `dof` degrees of freedom (0: exactly), and which one `lag` (10, 6) may turn
+    (`RecordedPoses`); and what of their misfit a moved bias explains, None for a single pose.
     """
     n = len(residuals)
     J = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
     of_bias = [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]
     columns = [residuals.reshape(-1, 1), np.tile(np.eye(6), (n, 1)), J[:, np.logical_not(of_bias)]]
-    products = products_of_readings(np.hstack(columns), variance.ravel(), J, calibration.error_covariance)
+    covariance = calibration.error_covariance
+    if lag is not None:
+        late = np.column_stack([R_base_flange.reshape(n, 9), np.ones(n)]) @ lag
+        J, covariance = np.column_stack([J, late.ravel()]), np.pad(covariance, (0, 1))
+        covariance[-1, -1] = 1.0
+    products = products_of_readings(np.hstack(columns), variance.ravel(), J, covariance)
     whole = MisfitTest(float(products[0, 0]), 6 * n, dof)
     if n == 1:
         return whole, None
