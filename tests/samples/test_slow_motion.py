@@ -92,7 +92,8 @@ def test_a_calibration_holds_in_a_motion_that_repeats_itself_unless_its_zero_mov
     for seed in (0, 3, 8):
         samples = stirred(seed, 30.0, 30.0)
         assert verify(calibration, samples).passed
-        assert not verify(calibration, replace(samples, wrench=samples.wrench + [0.3, 0.0, 0.0, 0.0, 0.0, 0.0])).passed
+        zeroed = samples.wrench + np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+        assert not verify(calibration, replace(samples, wrench=zeroed)).passed
 
 
 def test_tools_that_share_a_mounting_share_the_lag_in_their_std_too() -> None:
