@@ -283,11 +283,12 @@ def _doubts(
         )
         yield Finding(Kind.UNCONFIRMED, Severity.NOTE, text)
     moved = own.moved.probability < 0.5 * SIGNIFICANCE
-    if moved and own.std < mass and own.rest.probability >= SIGNIFICANCE:
+    if moved and test.readings > 6 and own.rest.probability >= SIGNIFICANCE:
+        told = f"tell {two_digits(1e3 * own.mass)} +- {two_digits(1e3 * own.std)} g"
         text = (
             f"the zero is another one than the calibration's (probability {percent(own.moved.probability)}): with any "
-            f"zero the poses tell {two_digits(1e3 * own.mass)} +- {two_digits(1e3 * own.std)} g; take the new zero of "
-            "the empty tool (contactwrench calibrate FILE --prior CAL.json)"
+            f"zero the poses {told if own.std < mass else 'do not tell the mass'}; take the new zero of the empty tool "
+            "(contactwrench calibrate FILE --prior CAL.json)"
         )
         yield Finding.doubtful(Kind.BIAS_SHIFTED, text)
     elif moved or test.probability < 0.5 * SIGNIFICANCE:

@@ -11,15 +11,16 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..geometry.ranges import DELAY, DELAY_STD
 from ..samples.delay import is_significant
-from .filters import LowPass
+from .filters import LowPass, low_pass
 from .state import Matrix, Row, State, kernel
 
 LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
 USUAL_DELAY = 0.05
 """s: the scale of delays where nothing tells one."""
-OVER = 0.02
-"""s: over which a turn is followed; behind it, and twice the usual time from pose to pose, one is over."""
+TURN_WINDOW = 0.02
+"""s: over which a turn is followed; it is over where nothing turns for as long and twice the usual time between poses.
+"""
 NEXT_TO_NOTHING = 1e-4
 """Of a variance."""
 
@@ -100,36 +101,51 @@ def looked_up(ring: Matrix, column: int, at: int, newest: int, wanted: float) ->
 
 
 @kernel
-def follow_turn(s: State, now: float, passed: float, fresh: bool) -> bool:
+def follow_turn(s: State, now: float, passed: float, fresh: bool, fresh_pose: bool) -> bool:
     """How fast down turns, behind the sensor's own filter, `passed` s after the sample before, and the wrench (6,) that
-    is made of it by a delay one standard deviation off and by the age of an orientation that is held; whether that
-    counts. Nothing is learned of the bias where it is beyond the noise.
+    is made of it, behind the low-pass, by a delay one standard deviation off and by the age of an orientation that is
+    held; whether that counts. Nothing is learned of the bias where it is beyond the noise.
     """
     down, last, turning, counts = s.down, s.last_down, s.turning, False
-    if fresh:
+    if fresh_pose:
         s.followed = s.since_turn = turning[0] = turning[1] = turning[2] = 0.0
     else:
         s.since_turn += passed
     turned = down[0] != last[0] or down[1] != last[1] or down[2] != last[2]
-    if s.since_turn > 0.0 and (turned or s.since_turn > OVER + 2.0 * s.turn_usual):
+    if s.since_turn > 0.0 and (turned or s.since_turn > TURN_WINDOW + 2.0 * s.turn_usual):
         since = s.since_turn if turned else passed
-        s.followed = max(min(s.followed + since, OVER), since)
+        s.followed = max(min(s.followed + since, TURN_WINDOW), since)
         for k in range(3):
             turning[k] += (down[k] - last[k] - since * turning[k]) / s.followed
         s.since_turn = 0.0 if turned else s.since_turn
+    age = age_of_orientation(s, now)
+    off, lateness = s.turned_by, sqrt(s.delay_std * s.delay_std + age * age)
     for k in range(3):
         last[k] = down[k]
-    held = 0.0 if s.knows_inertia else now - s.turn_time
-    late = sqrt(s.delay_std * s.delay_std + held * held)
+        off[k] = lateness * turning[k]
+    low_pass(s.lowpass, s.turn_memory, off, 3, fresh or fresh_pose)
     for k in range(6):
         B = s.B[k]
-        off = s.of_delay[k] = late * (B[0] * turning[0] + B[1] * turning[1] + B[2] * turning[2])
-        of_motion, at_rest = off * off, s.systematic[k][k] + s.noise_left[k]
+        of_delay = s.of_delay[k] = B[0] * off[0] + B[1] * off[1] + B[2] * off[2]
+        of_motion, at_rest = of_delay * of_delay, s.systematic[k][k] + s.noise_left[k]
         s.of_motion[k] = of_motion
         counts = counts or of_motion > NEXT_TO_NOTHING * at_rest
         if of_motion > at_rest:
             s.spoiled = True
     return counts
+
+
+@kernel
+def age_of_orientation(s: State, now: float) -> float:
+    """For how long (s) the orientation that a reading is taken with has been held at most: of one that is looked up, or
+    carried on with, by a delay nobody knows where between two poses it was. Where an inertia is known, poses have their
+    own age.
+    """
+    if s.knows_inertia:
+        return 0.0
+    if s.delay == 0.0 or s.turn_usual < 1.5 * s.interval:
+        return now - s.turn_time
+    return s.turn_usual if s.delay > 0.0 else 2.0 * s.turn_usual
 
 
 @kernel

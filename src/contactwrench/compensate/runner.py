@@ -134,7 +134,7 @@ class Plain:
         return sample.said, read_only(sample.wrench)
 
     def std(self) -> Array:
-        """Of the last contact wrench (6,), in motion."""
+        """Of the last contact wrench (6,)."""
         return read_only(self.sample.wrench_std)
 
     def pose(self, turn: Array, place: Array, t: float, passed: float) -> None:
@@ -202,7 +202,7 @@ class Compiled:
         return self._said.item(), np.frombuffer(self._wrench.tobytes())
 
     def std(self) -> Array:
-        """Of the last contact wrench (6,), in motion."""
+        """Of the last contact wrench (6,)."""
         return np.frombuffer(self._std.tobytes())
 
     def pose(self, turn: Array, place: Array, t: float, passed: float) -> None:

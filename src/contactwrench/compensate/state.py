@@ -175,6 +175,8 @@ class State:
     since_turn: float = 0.0
     last_down: Row = numbers(3)
     turning: Row = numbers(3)
+    turned_by: Row = numbers(3)
+    turn_memory: Matrix = numbers(2 * SECTIONS, 3)
     of_delay: Row = numbers(6)
 
     # What shakes it, as in shaking.py.

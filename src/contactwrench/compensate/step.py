@@ -69,7 +69,7 @@ def taking(digest: str) -> Callable[..., int]:
                     follow_motion(s, sample, ring, fresh_pose)
                     terms_then(s, ring, now, fresh_pose)
                 compensate(s, sample, restart or recovers, fresh_pose)
-                weigh(s, sample, passed, fresh_pose)
+                weigh(s, sample, passed, restart or recovers, fresh_pose)
                 fault, detail = conclude(s, sample, fault, detail, recovers)
                 if now - s.block_time >= BLOCK_SECONDS:
                     end_block(s)
@@ -162,9 +162,9 @@ def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
 
 
 @kernel
-def weigh(s: State, sample: Sample, passed: float, fresh_pose: bool) -> None:
+def weigh(s: State, sample: Sample, passed: float, fresh: bool, fresh_pose: bool) -> None:
     """The statistic of the contact wrench and its std; in motion both know what is noisier then."""
-    moving = follow_turn(s, sample.time, passed, fresh_pose) or s.knows_inertia
+    moving = follow_turn(s, sample.time, passed, fresh, fresh_pose) or s.knows_inertia
     if s.knows_inertia:
         sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample))
     else:

@@ -27,6 +27,8 @@ FEWEST_IF_MOVED, MOST_OFF = 6, 12
 """Poses, from which on a bias that moved before is thought of, too; and how many at most are off, and named."""
 LEAST_LEFT = 6
 """Readings more than another tool, mounting and bias have numbers: with fewer these explain anything."""
+ANY_MOUNTING = ("mount", "mount+base", "affine")
+"""Models whose errors are those of any tool on any mounting."""
 TELLS_NOTHING = 1e200
 """Variance of a pose that is left out."""
 
@@ -39,7 +41,7 @@ class BiasShift(Frozen):
     `probability` of as much by chance; `rest_chi2` and `rest_probability` of what it leaves; `other_probability` of as
     much of that as another tool or mounting explains beside it; `alone`: whether the rest is what the calibration
     explains, and no other tool or mounting would do as well; `with_other`: whether with one of these it explains all;
-    `times_noise`: by how much, as a factor, poses differ more than when calibrating, whatever these are; 0: too few.
+    `times_noise`: by how much, as a factor, poses differ more than when calibrating, whatever these are; 0: not known.
     """
 
     shift: Array
@@ -61,14 +63,14 @@ class BiasShift(Frozen):
         remedy = "another tool or mounting would do as well: tilt the tool further"
         if self.alone:
             remedy = NEW_ZERO
-        elif self.rest_probability < SIGNIFICANCE:
+        elif min(self.rest_probability, self.other_probability) < SIGNIFICANCE:
             scatters = self.times_noise > 0.0 and not self.with_other
             remedy = NOISIER.format(two_digits(self.times_noise)) if scatters else MORE_CHANGED
         far = f"moved by {force_and_torque(self.shift)}"
         text = (
             f"{f'the bias {far}, which' if self.alone else f'a bias that {far}'} explains {self.chi2:.3g} of the "
             f"chi-square of {self.chi2 + self.rest_chi2:.3g}; the rest has a probability of "
-            f"{percent(self.rest_probability)}; {remedy}"
+            f"{percent(min(self.rest_probability, self.other_probability))}; {remedy}"
         )
         return Finding(Kind.BIAS_SHIFTED, Severity.WARNING, text)
 
@@ -102,13 +104,12 @@ def held_against(
     shift = inverse @ products[1:7, 0]
     of_shift = MisfitTest(float(shift @ products[1:7, 0]), 6, dof)
     rest = MisfitTest(whole.misfit - of_shift.misfit, 6 * n - 6, dof)
-    others, left, beside = [], 6 * n - len(products) + 7, 1.0
-    for first, known in ((7, 0), (1, 6)):
-        found, _, rank, _ = np.linalg.lstsq(products[first:, first:], products[first:, 0], rcond=None)
-        explained = float(found @ products[first:, 0])
-        test = MisfitTest(whole.misfit - explained, max(left - known, 1), dof)
-        others.append(test)
-        beside = MisfitTest(max(explained - of_shift.misfit, 0.0), max(int(rank) - 6, 1), dof).probability
+    left = 6 * n - len(products) + 7
+    of_others, of_all = (_explained(products[first:, first:], products[first:, 0]) for first in (7, 1))
+    beside = MisfitTest(max(of_all[0] - of_shift.misfit, 0.0), max(of_all[1] - 6, 1), dof)
+    without_bias = MisfitTest(whole.misfit - of_others[0], max(left, 1), dof)
+    with_bias = MisfitTest(max(whole.misfit - of_all[0], 0.0), max(left - 6, 1), dof)
+    any_tool = left - 6 >= LEAST_LEFT and (calibration.model in ANY_MOUNTING or calibration.gain_covariance is not None)
     return whole, BiasShift(
         shift=shift,
         std=np.sqrt(np.diag(inverse)),
@@ -116,11 +117,20 @@ def held_against(
         probability=of_shift.probability,
         rest_chi2=rest.misfit,
         rest_probability=rest.probability,
-        other_probability=beside,
-        alone=min(rest.probability, beside) >= SIGNIFICANCE and left > 0 and others[0].probability < SIGNIFICANCE,
-        with_other=left - 6 >= LEAST_LEFT and others[1].probability >= SIGNIFICANCE,
-        times_noise=float(np.sqrt(max(others[1].chi2, 0.0))) if left - 6 >= LEAST_LEFT else 0.0,
+        other_probability=beside.probability,
+        alone=min(rest.probability, beside.probability) >= SIGNIFICANCE
+        and left > 0
+        and without_bias.probability < SIGNIFICANCE,
+        with_other=left - 6 >= LEAST_LEFT and with_bias.probability >= SIGNIFICANCE,
+        times_noise=float(np.sqrt(with_bias.chi2)) if any_tool else 0.0,
     )
+
+
+def _explained(information: Array, along: Array) -> tuple[float, int]:
+    """What parameters take off a misfit, and how many of them show."""
+    unit = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    found, _, rank, _ = np.linalg.lstsq(information / np.outer(unit, unit), along / unit, rcond=None)
+    return float(found @ (along / unit)), int(rank)
 
 
 def apart(

@@ -154,15 +154,15 @@ def implausible(estimate: Estimate, question: Question) -> Iterator[Finding]:
 
 
 def on_one_sensor(calibrations: Sequence[Calibration]) -> tuple[Calibration, ...]:
-    """Calibrations of tools on one sensor, less that a light one fits badly of which no more is left than of another
-    one that fits: it is the sensor's noise.
+    """Calibrations of tools on one sensor, less that one fits badly, as light ones may, of which no more is left than
+    of another one that fits: it is the sensor's noise.
     """
     left = [float(np.linalg.norm(each.residual_rms[:3])) for each in calibrations]
     of_fit = [[finding for finding in each.findings if finding.kind is not Kind.POOR_FIT] for each in calibrations]
     fits = [len(said) == len(each.findings) for said, each in zip(of_fit, calibrations, strict=True)]
-    least = max((of_one for of_one, fit in zip(left, fits, strict=True) if fit), default=0.0)
+    of_sensor = max((of_one for of_one, fit in zip(left, fits, strict=True) if fit), default=0.0)
     return tuple(
-        replace(each, findings=tuple(said)) if of_one < NOISIER * least else each
+        replace(each, findings=tuple(said)) if of_one < NOISIER * of_sensor else each
         for each, said, of_one in zip(calibrations, of_fit, left, strict=True)
     )
 
