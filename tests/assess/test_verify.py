@@ -13,7 +13,7 @@ from contactwrench.assess.verify import Weighing, verify
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import InputError
 from tests.support.rigs import NOISE, example, noisy, samples_of_a_design
-from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings
+from tests.support.world import DOWN, Array, Rig, noisy_readings, random_rotations, readings
 
 
 def _loaded(rig: Rig, R: Array, mass: float, g: float = 9.80665) -> Array:
@@ -107,6 +107,19 @@ def test_a_bias_that_goes_on_moving_breaks_no_calibration(
     if weight == 0.0:
         assert result.bias is not None
         assert np.abs((result.bias.shift - further * DRIFT) / result.bias.std).max() < 4.0
+
+
+@pytest.mark.parametrize("model", ["paper", "yaw", "mount", "mount+base"])
+def test_a_mounting_that_slipped_is_none_of_noise_and_no_lack_of_tilt(model: str) -> None:
+    """With a new zero; models that hold the mounting cannot tell what it is, and say no more than they know."""
+    for seed in range(4):
+        rig, R, rng = example(40 + seed, 16)
+        rig = replace(rig, R_flange_sensor=Rotation.from_euler("z", rng.uniform(0.0, 6.0)).as_matrix(), down=DOWN)
+        calibration = cw.calibrate(noisy(rig, R, rng), model)
+        slip = Rotation.from_rotvec([0.05, 0.03, 0.06]).as_matrix()
+        slipped = replace(rig, R_flange_sensor=rig.R_flange_sensor @ slip, bias=rig.bias + 5.0 * NOISE)
+        (text,) = (f.text for f in verify(calibration, noisy(slipped, random_rotations(20, rng), rng)).findings)
+        assert text.endswith("more than the bias changed: calibrate anew")
 
 
 @pytest.mark.parametrize("noisier", [3.0, None])

@@ -84,3 +84,15 @@ def test_steps_that_the_noise_carries_over_count_for_nothing() -> None:
         stds.append(compensator.run(rounded(rig, R, np.random.default_rng(2), noises), R, t).std[-1, :3])
     assert stds[1] == pytest.approx(stds[0], rel=0.35)
     assert (stds[2] > 3.0 * stds[0]).all()
+
+
+@pytest.mark.parametrize("drift", [None, 0.2])
+def test_readings_that_are_coarser_than_those_of_the_calibration_are_no_contact(drift: float | None) -> None:
+    """As where a driver rounds them: from the first step on that is seen."""
+    for seed in range(6):
+        rig, rng = heavy(20 + seed)
+        calibration = calibrated(rig, rng, 1e-6, as_table=False)
+        t, R = stop_and_go(rng, 12)
+        batch = cw.Compensator(calibration, rate=RATE, drift=drift, fast=False).run(rounded(rig, R, rng, 5.0), R, t)
+        assert not batch.contacts
+        assert np.nanmax(np.abs(batch.wrench / batch.std)[20:]) < 6.0

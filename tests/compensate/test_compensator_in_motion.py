@@ -138,6 +138,31 @@ def test_torques_of_their_own_are_learned_as_such() -> None:
     assert beside.dynamics.motion_noise[1].max() == pytest.approx(0.02, rel=0.15)
 
 
+def test_readings_without_a_position_between_others_with_one_are_the_same_plain_and_compiled() -> None:
+    s = recorded(free())
+    plain, compiled = (running(fast, delay=0.0) for fast in (False, True))
+    for k in range(700):
+        place = None if k % 3 == 1 else s.position[k]
+        one, other = (each(s.wrench[k], s.R_base_flange[k], s.t[k], position=place) for each in (plain, compiled))
+        assert np.array_equal(one.wrench, other.wrench, equal_nan=True)
+        assert np.array_equal(one.std, other.std, equal_nan=True)
+
+
+@pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])
+def test_a_delay_that_is_not_quite_known_counts_beside_the_inertia(fast: bool) -> None:
+    s = recorded(free())
+    known, late = (
+        running(fast, delay=0.0, delay_std=std).run(s.wrench, s.R_base_flange, s.t, position=s.position)
+        for std in (0.0, 0.03)
+    )
+    assert np.array_equal(known.wrench, late.wrench, equal_nan=True)
+    grown = np.sum(late.std[500:, :3] ** 2 - known.std[500:, :3] ** 2, axis=1)
+    down = s.R_base_flange.transpose(0, 2, 1) @ of_exact_poses().gravity_direction
+    expected = 0.03 * of_exact_poses().weight * np.linalg.norm(np.gradient(down, 1.0 / RATE, axis=0), axis=1)[500:]
+    assert np.sqrt(np.mean(grown)) == pytest.approx(np.sqrt(np.mean(expected**2)), rel=0.1)
+    assert (late.statistic[500:] <= known.statistic[500:]).all()
+
+
 def test_a_position_that_is_not_known_is_an_arm_at_rest() -> None:
     s = recorded(free())
     compensator = running(delay=0.0)

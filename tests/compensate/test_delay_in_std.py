@@ -134,3 +134,34 @@ def test_the_calibrations_own_counts_unless_another_is_stated() -> None:
     assert added(0.1, 1.0) == pytest.approx(0.05, rel=0.01)  # nothing is known of it: as delays usually are
     assert added(0.006, 0.004, delay=0.0) == 0.0
     assert added(0.006, 0.004, delay_std=0.02) == pytest.approx(0.02, rel=1e-6)
+
+
+@pytest.mark.parametrize("fast", [False, True])
+@pytest.mark.parametrize("lowpass", [50.0, 5.0, 2.0])
+def test_behind_a_low_pass_it_is_as_late_as_the_contact_wrench(lowpass: float, fast: bool) -> None:
+    calibration, rig, rng = heavy(2)
+    settings: dict[str, Any] = {"rate": RATE, "noise": NOISE, "lowpass": lowpass, "fast": fast}
+    for late, held in ((STD, 1), (0.0, 8)):
+        wrench, R, t = turning(rig, rng, late, held)
+        batch = cw.Compensator(calibration, delay=0.0, delay_std=late, **settings).run(wrench, R, t)
+        begun = int(1.0 * RATE / lowpass) + 2 * held
+        assert np.abs(batch.wrench / batch.std)[begun:].max() < 6.0
+        assert not (batch.contact[begun:] == 1).any()
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.01, 0.03, -0.004, -0.01])
+@pytest.mark.parametrize("held", [8, 20])
+def test_a_pose_that_is_looked_up_or_carried_on_with_is_as_old_as_it_may_be(delay: float, held: int) -> None:
+    calibration, rig, rng = heavy(3)
+    batch = compensator(calibration, delay=delay).run(*turning(rig, rng, delay, held))
+    assert np.abs((batch.wrench / batch.std)[200:]).max() < 6.0
+    assert not (batch.contact[200:] == 1).any()
+
+
+def test_nothing_is_learned_of_the_bias_while_it_decides() -> None:
+    calibration, rig, rng = heavy(4)
+    wrench, R, t = turning(rig, rng, 0.2 * STD)
+    told, not_told = (compensator(calibration, delay=0.0, delay_std=std, drift=0.5) for std in (20.0 * STD, 0.0))
+    for each in (told, not_told):
+        each.run(wrench, R, t)
+    assert np.abs(told.drift[:3]).max() < 0.1 * np.abs(not_told.drift[:3]).max()

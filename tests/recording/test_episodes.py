@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -162,7 +163,7 @@ def test_all_episodes_are_each_compensated_by_itself(
         for episode in (0, 1, 4):
             assert run(capsys, "compensate", path, "-c", tool, "--episode", str(episode), *judged).status == 0
             lines = run(capsys, "compensate", path, "-c", tool, "--episode", str(episode), *judged).out.splitlines()
-            expected += [f"{episode},{line}" for line in lines[1:]]
+            expected += [f"{episode},{line}{'' if judged else ',1,,'}" for line in lines[1:]]
         done = run(capsys, "compensate", path, "-c", tool, "--all-episodes", *judged, "-o", out, "--force")
         header, *found = out.read_text(encoding="utf-8").splitlines()
         assert header.startswith("episode_index,t,fx,fy,fz,")
@@ -185,12 +186,51 @@ def test_all_episodes_stay_beside_the_columns_of_a_parquet_set(
     assert forces == pytest.approx(calibration.compensate(Motion.wrench, Motion.R)[:, :3], abs=1e-9)
 
 
+def test_episodes_that_are_treated_differently_have_the_same_columns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The calibration's delay concerns a motion, not poses at rest."""
+    tool, out = tmp_path / "tool.json", tmp_path / "out.csv"
+    replace(cw.calibrate(cw.read(PANDA)), delay=0.03, delay_std=0.001).save(tool)
+    table = np.column_stack([rows(), EPISODES])
+    few = EPISODES == 1
+    table[few, 0] = 20.0 * np.arange(25.0)
+    path = written(tmp_path, csv_text((*HEADER, "episode_index"), table))
+    for suffix in (".csv", ".parquet"):
+        assert run(capsys, "compensate", path, "-c", tool, "--all-episodes", "-o", out.with_suffix(suffix)).status == 0
+    lines = out.read_text(encoding="utf-8").splitlines()
+    assert {line.count(",") for line in lines} == {16}
+    assert pq.read_table(out.with_suffix(".parquet"))["valid"].to_pylist()[20:45] == [True] * 25
+
+
+def test_an_episode_that_cannot_be_compensated_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tool = tmp_path / "tool.json"
+    cw.calibrate(cw.read(PANDA)).save(tool)
+    path = written(tmp_path, csv_text((*HEADER, "episode_index"), np.column_stack([rows()[:21], EPISODES[:21]])))
+    said = run(capsys, "compensate", path, "-c", tool, "--all-episodes", "--contact", "-o", tmp_path / "out.csv")
+    assert said.complaint == f"episode 1: {path}: found 1 orientation, expected 2 or more to interpolate between"
+
+
+def test_a_damaged_row_group_of_another_episode_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "set.parquet"
+    pq.write_table(robot_learning_set().select(["wrench", "quat_xyzw", "t", "episode_index"]), path, row_group_size=5)
+    group = pq.ParquetFile(path).metadata.row_group(11)
+    chunk = group.column(0)
+    content = bytearray(path.read_bytes())
+    end = chunk.data_page_offset + chunk.total_compressed_size
+    content[end - 30 : end] = bytes(30)
+    path.write_bytes(content)
+    assert len(cw.read(path, episode=0)) == 20
+    with pytest.raises(FileFormatError):
+        cw.read(path, episode=4)
+
+
 def test_what_is_said_of_many_episodes_is_said_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, tool = lerobot(tmp_path / "set", 2), tmp_path / "tool.json"
     cw.calibrate(cw.read(PANDA)).save(tool)
     said = run(capsys, "compensate", path, "-c", tool, "--all-episodes", "--contact").err
     noise = "noise of a sample unknown: a Compensator takes its first second for free air; --noise states it"
-    assert said.count(f"{noise} (episode 0 and 2 more)") == said.count(noise) == 1
+    assert said.count(f"{noise} (episode 0 and 2 others)") == said.count(noise) == 1
 
 
 def test_of_many_different_notes_some_are_said(tmp_path: Path) -> None:
@@ -206,7 +246,7 @@ def test_of_many_different_notes_some_are_said(tmp_path: Path) -> None:
     rows_of_all = compensated_set(path, Options(), calibration, Treatment(), range(25), note=said.append)
     assert sum(len(batch) for batch in rows_of_all) == 200
     assert len(said) == len(set(said)) <= 21
-    assert "found no whole reading (nothing, or NaN) in 3 rows: not used (episode 2 and 3 more)" in said
+    assert "found no whole reading (nothing, or NaN) in 3 rows: not used (episode 2 and 3 others)" in said
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
 from ..compensate.delay import delay_of, std_of_delay
 from ..compensate.filters import LowPass, smoothed
-from ..errors import InputError
+from ..errors import ContactWrenchError, InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
 from ..samples.bursts import bursts_in, even_rows, spread
@@ -127,17 +127,22 @@ def compensated_set(
     advance: Advance = unheard,
     note: Tell = unheard,
 ) -> Iterator[ContactWrenches]:
-    """The same of every recording of a set, its `episodes` as `episodes_in` has them, each by itself."""
+    """As `compensated`, of each of the `episodes` of a set by itself; of each row it says whether it is valid."""
     said: dict[str, list[int]] = {}
     for k, episode in enumerate(episodes, 1):
         notes: list[str] = []
-        for batch in compensated(path, replace(options, episode=episode), calibration, treatment, note=notes.append):
-            yield replace(batch, episode=np.full(len(batch), episode))
+        try:
+            for batch in compensated(
+                path, replace(options, episode=episode), calibration, treatment, note=notes.append
+            ):
+                yield replace(batch, episode=np.full(len(batch), episode), judged=True)
+        except ContactWrenchError as error:
+            raise type(error)(f"episode {episode}: {error}") from None
         for text in notes:
             said.setdefault(text, []).append(episode)
         advance(k / len(episodes))
     for text, those in list(said.items())[:MOST_NOTES]:
-        note(f"{text} (episode {those[0]}{f' and {len(those) - 1} more' if len(those) > 1 else ''})")
+        note(f"{text} (episode {those[0]}{f' and {len(those) - 1} others' if len(those) > 1 else ''})")
     if len(said) > MOST_NOTES:
         note(f"and {counted(len(said) - MOST_NOTES, 'note')} more: --episode N gives those of one")
 
@@ -277,8 +282,7 @@ def _of_samples(
         covariance = np.asarray(rows.covariance)[rows.covariance_of]
         if motion is not None:
             covariance += there.covariance_in_motion(samples.R_base_flange, motion)
-        of_axes = np.einsum("nii->ni", covariance)  # a view
-        of_axes[...] = np.fmax(of_axes, rows.std**2)  # what a delay adds
+        covariance[:, range(6), range(6)] = np.fmax(np.einsum("nii->ni", covariance), rows.std**2)  # what a delay adds
         wrench, std = in_axes(calibration, samples.R_base_flange, wrench, covariance, frame, point)
         std = np.where(np.isfinite(rows.std), std, np.nan)
     return replace(rows, wrench=wrench, std=std, t=samples.t)

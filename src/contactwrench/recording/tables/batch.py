@@ -112,6 +112,26 @@ class Field:
     length: int = 1
 
 
+@dataclass(frozen=True)
+class Part:
+    """A file; of each of its row groups the number of rows, and the least and the greatest episode, where known."""
+
+    path: Path
+    rows: tuple[int, ...]
+    episodes: tuple[tuple[float, float] | None, ...]
+
+    def with_episode(self, episode: int | None) -> list[int]:
+        """The row groups in which rows of an episode may be."""
+        ranges = enumerate(self.episodes)
+        return [k for k, known in ranges if episode is None or known is None or known[0] <= episode <= known[1]]
+
+    def numbers(self, groups: list[int]) -> NDArray[np.intp]:
+        """Of the rows of some groups in the file, from 0."""
+        ends = np.cumsum(self.rows)
+        each = [np.arange(ends[k] - self.rows[k], ends[k]) for k in groups]
+        return np.concatenate(each) if each else np.arange(0)
+
+
 @contextmanager
 def readable(source: str, kind: str, errors: tuple[type[Exception], ...]) -> Iterator[None]:
     """Raise `FileFormatError` for what a library for files of a `kind` cannot read, which raises one of `errors`."""

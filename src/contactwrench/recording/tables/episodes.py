@@ -79,18 +79,19 @@ def episodes_in(table: OpenTable) -> list[int]:
         raise FileFormatError(
             f"{table.source}: found no column {EPISODE}, expected a set of recordings: leave out --all-episodes"
         )
-    found: list[int] = []
+    found: dict[int, None] = {}
+    last = -1
     for body in table.bodies([column]):
         numbers = episodes_of(body, column).astype(int)
-        begins = np.flatnonzero(np.diff(numbers, prepend=found[-1] if found else -1))
+        begins, last = np.flatnonzero(np.diff(numbers, prepend=last)), int(numbers[-1])
         for index, episode in zip(begins.tolist(), numbers[begins].tolist(), strict=True):
             if episode in found:
                 raise FileFormatError(
                     f"{body.source}: row {body.row_of(index)}: found episode {episode} again, expected its rows "
                     f"together: sort the table by {EPISODE}"
                 )
-            found.append(episode)
-    return found
+            found[episode] = None
+    return list(found)
 
 
 def _one_expected(source: str, seen: set[float], others: Iterable[Body], column: Column) -> FileFormatError:

@@ -13,6 +13,7 @@ import re
 from collections.abc import Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, of_extra
 from ...files import entries, open_bytes
 from ...geometry.arrays import Array
-from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, readable, require_room, require_room_for_pages
+from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, Part, readable, require_room, require_room_for_pages
 from .columns import Column, OpenTable, places_of, shown
 from .episodes import EPISODE
 from .units import per_si
@@ -33,26 +34,6 @@ BUFFER = 2**20
 """Bytes of a column that are read at once, so that memory does not grow with the size of the file's row groups."""
 FIRST_ROWS = 64
 """Read at once to see how long lists are."""
-
-
-@dataclass(frozen=True)
-class _Part:
-    """A file; of each of its row groups the number of rows, and the least and the greatest episode, where known."""
-
-    path: Path
-    rows: tuple[int, ...]
-    episodes: tuple[tuple[float, float] | None, ...]
-
-    def with_episode(self, episode: int | None) -> list[int]:
-        """The row groups in which rows of an episode may be."""
-        ranges = enumerate(self.episodes)
-        return [k for k, known in ranges if episode is None or known is None or known[0] <= episode <= known[1]]
-
-    def numbers(self, groups: list[int]) -> NDArray[np.intp]:
-        """Of the rows of some groups in the file, from 0."""
-        ends = np.cumsum(self.rows)
-        each = [np.arange(ends[k] - self.rows[k], ends[k]) for k in groups]
-        return np.concatenate(each) if each else np.arange(0)
 
 
 @dataclass(frozen=True)
@@ -177,18 +158,28 @@ def _is_number(kind: Any) -> bool:
     return any(is_kind(kind) for is_kind in is_one)
 
 
-def _described(path: str | Path) -> tuple[list[_Part], list[Field]]:
+def _described(path: str | Path) -> tuple[list[Part], list[Field]]:
     """The files, and their columns. Raises `FileFormatError` for files with different ones, or without rows."""
-    parts: list[_Part] = []
+    files = _parts(Path(path)) if os.path.isdir(path) else [Path(path)]
+    written = [os.stat(file).st_mtime_ns if file.is_file() else 0 for file in files]
+    return _as_written(path, tuple(files), tuple(written), tuple(map(os.path.getsize, filter(os.path.isfile, files))))
+
+
+@lru_cache(maxsize=2)
+def _as_written(
+    path: str | Path, files: tuple[Path, ...], written: tuple[int, ...], sizes: tuple[int, ...]
+) -> tuple[list[Part], list[Field]]:
+    """The same, once for files that stay as they are: a set is opened anew for each of its episodes."""
+    parts: list[Part] = []
     leaves: list[_Leaf] = []
     lengths: dict[tuple[str, ...], int] = {}
-    for part in _parts(Path(path)) if os.path.isdir(path) else [Path(path)]:
+    for part in files:
         with _opened(part) as file, _readable(str(part)):
             _require_room(part, file.metadata)
             found = list(_leaves(file.schema_arrow))
             groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
             ranges = _episodes(file.metadata, groups)
-            parts.append(_Part(part, tuple(group.num_rows for group in groups), ranges))
+            parts.append(Part(part, tuple(group.num_rows for group in groups), ranges))
             unknown = [leaf.path for leaf in found if leaf.length == 0 and leaf.path not in lengths]
             lengths |= _lengths(file, unknown) if unknown and file.metadata.num_rows else {}
         if leaves and [leaf.name for leaf in found] != [leaf.name for leaf in leaves]:

@@ -133,11 +133,10 @@ def _beside(
     """The recording's columns and, in the rows that have a wrench, or in all, the new ones."""
     import pyarrow as pa
 
-    waiting, prefix, first = None, "", next(batches, None)
-    batches, whole_set = (
-        chain([] if first is None else [first], batches),
-        first is not None and first.episode is not None,
-    )
+    waiting, prefix = None, ""
+    first = next(batches, None)
+    whole_set = first is not None and first.episode is not None
+    batches = chain([] if first is None else [first], batches)
     for record, has_wrench in _rows_as_stored(recording, naming, every_row, whole_set):
         parts: list[Any] = [] if waiting is None else [waiting]
         wanted = int(has_wrench.sum())
