@@ -151,7 +151,7 @@ def verify(
         named: tuple[Finding, ...] = ()
         if bias is not None and max(whole.probability, bias.rest_probability) < SIGNIFICANCE and not bias.with_other:
             names = names_of(poses, 0.0 if samples.t is None else samples.t[0])
-            named = apart(calibration, residuals, R, noise, whole.dof, names)
+            named = apart(calibration, residuals, R, noise, whole.dof, names, free.lag)
         findings += named or ([] if bias is None or bias.finding is None else [bias.finding])
         if bias is not None and _moves_so(calibration, bias):
             rest = MisfitTest(bias.rest_chi2, whole.readings - 6, whole.dof)

@@ -134,7 +134,13 @@ def _explained(information: Array, along: Array) -> tuple[float, int]:
 
 
 def apart(
-    calibration: Calibration, residuals: Array, R_base_flange: Array, variance: Array, dof: float, names: list[str]
+    calibration: Calibration,
+    residuals: Array,
+    R_base_flange: Array,
+    variance: Array,
+    dof: float,
+    names: list[str],
+    lag: Array | None = None,
 ) -> tuple[Finding, ...]:
     """Where `held_against` finds that poses with these `names` contradict the calibration, whatever the bias is: that a
     few are off, or that the bias changed between two of them, if the calibration explains all else.
@@ -155,7 +161,7 @@ def apart(
     for moved, out in product((False, True) if n >= FEWEST_IF_MOVED else (False,), ways):
         told = np.where(np.isin(np.arange(n), out)[:, None], TELLS_NOTHING, variance)
         later = (np.arange(n) >= (n if out else first))[:, None]
-        whole, bias = held_against(calibration, residuals - later * change, R_base_flange, told, dof)
+        whole, bias = held_against(calibration, residuals - later * change, R_base_flange, told, dof, lag)
         left, bias_too = 6 * (n - max(len(out), 1)), ""
         test = MisfitTest(whole.misfit, left, dof)
         if moved and bias is not None:

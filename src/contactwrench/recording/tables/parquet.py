@@ -161,13 +161,14 @@ def _is_number(kind: Any) -> bool:
 def _described(path: str | Path) -> tuple[list[Part], list[Field]]:
     """The files, and their columns. Raises `FileFormatError` for files with different ones, or without rows."""
     files = _parts(Path(path)) if os.path.isdir(path) else [Path(path)]
-    written = [os.stat(file).st_mtime_ns if file.is_file() else 0 for file in files]
-    return _as_written(path, tuple(files), tuple(written), tuple(map(os.path.getsize, filter(os.path.isfile, files))))
+    there = [file for file in files if os.path.isfile(file)]
+    written, sizes = (tuple(map(of, there)) for of in (os.path.getmtime, os.path.getsize))
+    return _as_written(path, tuple(files), written, sizes)
 
 
 @lru_cache(maxsize=2)
 def _as_written(
-    path: str | Path, files: tuple[Path, ...], written: tuple[int, ...], sizes: tuple[int, ...]
+    path: str | Path, files: tuple[Path, ...], written: tuple[float, ...], sizes: tuple[int, ...]
 ) -> tuple[list[Part], list[Field]]:
     """The same, once for files that stay as they are: a set is opened anew for each of its episodes."""
     parts: list[Part] = []
@@ -180,6 +181,9 @@ def _as_written(
             groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
             ranges = _episodes(file.metadata, groups)
             parts.append(Part(part, tuple(group.num_rows for group in groups), ranges))
+            if sum(parts[-1].rows) != file.metadata.num_rows:
+                found_rows = f"{part}: found {sum(parts[-1].rows)} rows, expected the {file.metadata.num_rows} stated"
+                raise FileFormatError(f"{found_rows}: write it anew")
             unknown = [leaf.path for leaf in found if leaf.length == 0 and leaf.path not in lengths]
             lengths |= _lengths(file, unknown) if unknown and file.metadata.num_rows else {}
         if leaves and [leaf.name for leaf in found] != [leaf.name for leaf in leaves]:
