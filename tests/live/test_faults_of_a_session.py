@@ -178,13 +178,13 @@ def _well(fake: Any) -> None:
 
 
 def _frozen(fake: Any) -> None:
-    while not fake.signal.is_fast:
+    fake.signal.freezes = True
+    while not fake.signal.frozen:
         sleep(0.01)
-    fake.signal.frozen = True
 
 
 def _thawed(fake: Any) -> None:
-    fake.signal.frozen = False
+    fake.signal.freezes = False
 
 
 def _step(fake: Any, seconds: float) -> None:

@@ -41,14 +41,19 @@ def calibration() -> cw.Calibration:
     return cw.calibrate(cw.Samples(readings, turns.as_matrix()), "mount", noise=NOISE)
 
 
+FAST = 0.6
+"""Of the fastest turn of a swing."""
+
+
 class Swinging:
-    """A tool on an arm that swings to and fro: a `Signal`. `spoil` is added to every reading; a `frozen` arm shows its
-    last pose, and goes on swinging.
+    """A tool on an arm that swings to and fro: a `Signal`. `spoil` is added to every reading; one that `freezes` shows,
+    from where it turns too fast to stop before the next pose, its last pose, and goes on swinging: then it is `frozen`.
     """
 
     def __init__(self) -> None:
         world = LiveWorld()
-        self.begin, self.spoil, self.spoil_pose, self.frozen = world.R_base_flange, 0.0, 0.0, False
+        self.begin, self.spoil, self.spoil_pose = world.R_base_flange, 0.0, 0.0
+        self.freezes = self.frozen = False
         at_rest = (self.begin * world.mounting).inv().apply([0.0, 0.0, -world.weight])
         self._axis = (world.mounting.inv()).apply(AXIS)
         self._weight, self._com, self._bias = at_rest, np.array(world.com), np.array(world.bias)
@@ -64,14 +69,10 @@ class Swinging:
 
     def pose_at(self, t: float) -> FlangePose:
         """As `Signal`."""
-        if not self.frozen:
+        if not (self.frozen and self.freezes):
             self._last = self._pose(t)
+            self.frozen = self.freezes and abs(cos(SPEED * t)) > FAST
         return self._last
-
-    @property
-    def is_fast(self) -> bool:
-        """Whether it turns too fast now to stop before the next pose."""
-        return abs(cos(SPEED * monotonic())) > 0.6
 
     def _pose(self, t: float) -> FlangePose:
         half = 0.5 * SWING * sin(SPEED * t)
