@@ -132,9 +132,8 @@ def compensated_set(
     for k, episode in enumerate(episodes, 1):
         notes: list[str] = []
         try:
-            for batch in compensated(
-                path, replace(options, episode=episode), calibration, treatment, note=notes.append
-            ):
+            of_it = replace(options, episode=episode)
+            for batch in compensated(path, of_it, calibration, treatment, note=notes.append):
                 yield replace(batch, episode=np.full(len(batch), episode), judged=True)
         except ContactWrenchError as error:
             raise type(error)(f"episode {episode}: {error}") from None
@@ -142,7 +141,8 @@ def compensated_set(
             said.setdefault(text, []).append(episode)
         advance(k / len(episodes))
     for text, those in list(said.items())[:MOST_NOTES]:
-        note(f"{text} (episode {those[0]}{f' and {len(those) - 1} others' if len(those) > 1 else ''})")
+        more = f" and {counted(len(those) - 1, 'other')}" if len(those) > 1 else ""
+        note(f"{text} (episode {those[0]}{more})")
     if len(said) > MOST_NOTES:
         note(f"and {counted(len(said) - MOST_NOTES, 'note')} more: --episode N gives those of one")
 
