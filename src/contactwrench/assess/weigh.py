@@ -29,7 +29,7 @@ from ..model import gravity_in_flange, mounting_turn
 from ..samples.poses import SAME_POSE_ANGLE
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
-from ..statistics import SIGNIFICANCE, MisfitTest, percent, square_root, two_digits
+from ..statistics import SIGNIFICANCE, MisfitTest, meaningful_digits, percent, square_root, two_digits
 from .turned_load import largest_turn, whitening
 
 THREE_STD = 0.9973
@@ -284,14 +284,14 @@ def _doubts(
         yield Finding(Kind.UNCONFIRMED, Severity.NOTE, text)
     moved = own.moved.probability < 0.5 * SIGNIFICANCE
     if moved and test.readings > 6 and own.rest.probability >= SIGNIFICANCE:
-        told = f"tell {two_digits(1e3 * own.mass)} +- {two_digits(1e3 * own.std)} g"
+        told = f"tell {' +- '.join(meaningful_digits(1e3 * own.mass, 1e3 * own.std))} g"
         text = (
             f"the zero is another one than the calibration's (probability {percent(own.moved.probability)}): with any "
             f"zero the poses {told if own.std < mass else 'do not tell the mass'}; take the new zero of the empty tool "
             "(contactwrench calibrate FILE --prior CAL.json)"
         )
         yield Finding.doubtful(Kind.BIAS_SHIFTED, text)
-    elif moved or test.probability < 0.5 * SIGNIFICANCE:
+    elif moved or test.probability < SIGNIFICANCE:
         text = (
             f"a rigid object that hangs free does not explain the readings (chi-square {test.chi2:.3g} per degree of "
             f"freedom, probability {percent(test.probability)}): it or the tool touched something, it moved between "

@@ -41,7 +41,7 @@ def of_prior(fit: Estimate, readings: PoseReadings, poses: Iterable[Pose], quest
         variance, dof = np.tile(question.noise.std**2, (len(R), 1)), 0.0
     residuals = prior.compensate(readings.wrench - fit.change[fit.kept], R)
     _, bias = held_against(prior, residuals, R, variance, dof)
-    by_chance = 1.0 if bias is None else min(2.0 * min(bias.rest_probability, bias.other_probability), 1.0)
+    by_chance = 1.0 if bias is None else min(bias.rest_probability, 2.0 * bias.other_probability)
     contradict = (
         "the poses contradict the earlier calibration: tool, mounting or base changed, the tool touches something, or "
         "the poses are noisier (--noise); calibrate anew, without --prior"

@@ -17,7 +17,7 @@ from .outliers import MOST_SHARE
 
 NEW_ZERO = "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"
 MORE_CHANGED = "more than the bias changed: calibrate anew"
-NOISIER = (
+SCATTERED = (
     "no tool and mounting explain that, poses differ {} times as much as when calibrating: look for contact, motion, a "
     "base that moved, or a file that is read otherwise (sign, units, orientation: contactwrench diagnose)"
 )
@@ -65,7 +65,7 @@ class BiasShift(Frozen):
             remedy = NEW_ZERO
         elif min(self.rest_probability, self.other_probability) < SIGNIFICANCE:
             scatters = self.times_noise > 0.0 and not self.with_other
-            remedy = NOISIER.format(two_digits(self.times_noise)) if scatters else MORE_CHANGED
+            remedy = SCATTERED.format(two_digits(self.times_noise)) if scatters else MORE_CHANGED
         far = f"moved by {force_and_torque(self.shift)}"
         text = (
             f"{f'the bias {far}, which' if self.alone else f'a bias that {far}'} explains {self.chi2:.3g} of the "
