@@ -222,6 +222,21 @@ def test_one_recording_an_episode(tmp_path: Path, parent: str, name: str) -> Non
     )
 
 
+def test_all_episodes_of_a_set_are_compensated_in_the_order_of_their_numbers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, tool, out = demonstrations(tmp_path), tmp_path / "tool.json", tmp_path / "out.csv"
+    calibration = cw.calibrate(cw.read(PANDA))
+    calibration.save(tool)
+    wanted = ("--hdf5", RELATIVE, "--orientation", "matrix", "--all-episodes")
+    done = run(capsys, "compensate", path, "-c", tool, *wanted, "-o", out)
+    assert done.status == 0, done.err
+    found = np.genfromtxt(out, delimiter=",", names=True, usecols=(0, 1, 2, 3))
+    assert found["episode_index"].tolist() == np.repeat([0, 2, 11], [20, 25, 15]).tolist()
+    forces = np.column_stack([found[name] for name in ("fx", "fy", "fz")])
+    assert forces == pytest.approx(calibration.compensate(Motion.wrench, Motion.R)[:, :3], rel=1e-6, abs=1e-6)
+
+
 def test_info_of_a_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = demonstrations(tmp_path)
     assert run(capsys, "info", path).out.startswith(
