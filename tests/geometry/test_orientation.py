@@ -86,6 +86,17 @@ def test_matrix_entries_come_row_by_row_and_franka_poses_column_by_column() -> N
     pose[:3, :3], pose[:3, 3] = R, (0.4, -0.2, 0.7)
     assert as_convention("matrix", R.ravel()) == pytest.approx(R, abs=1e-12)
     assert as_convention("franka_matrix", pose.T.ravel()) == pytest.approx(R, abs=1e-12)
+    assert as_convention("rot6d", np.r_[R[:, 0], R[:, 1]]) == pytest.approx(R, abs=1e-12)
+    assert as_convention("rot6d_rows", R[:2].ravel()) == pytest.approx(R, abs=1e-12)
+
+
+def test_six_numbers_that_are_no_two_axes_are_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        as_convention("rot6d", np.array([1.0, 0.0, 0.0, 0.6, 0.8, 0.0]))
+    assert str(caught.value) == (
+        "orientation 0 is a matrix that is no rotation (columns off orthonormal by 0.6, determinant 0.64), expected "
+        "orthonormal within 1 % and determinant 1: check the order of its entries"
+    )
 
 
 def test_a_franka_pose_written_row_by_row_is_refused_and_not_read_as_its_inverse() -> None:
@@ -166,6 +177,7 @@ def test_fanuc_and_yaskawa_published_conversion(name: str, x: float, y: float, z
 def test_every_convention_is_tested_here() -> None:
     assert set(CONVENTIONS) == {
         *("quat_xyzw", "quat_wxyz", "abb_quat", "matrix", "franka_matrix", "ur_rotvec", "rpy"),
+        *("rot6d", "rot6d_rows"),
         *("kuka_abc", "fanuc_wpr", "yaskawa", "staubli", "kawasaki_oat", "nachi"),
     }
 
@@ -240,7 +252,7 @@ def test_the_first_wrong_row_is_named() -> None:
 
 KNOWN = (
     "expected one of quat_xyzw, quat_wxyz, kuka_abc, fanuc_wpr, yaskawa, staubli, kawasaki_oat, nachi, ur_rotvec, "
-    "abb_quat, matrix, franka_matrix, rpy, euler:ZYX:deg, or auto"
+    "abb_quat, matrix, franka_matrix, rot6d, rot6d_rows, rpy, euler:ZYX:deg, or auto"
 )
 LETTERS = "expected three such as ZYX (turned axes) or xyz (fixed axes)"
 

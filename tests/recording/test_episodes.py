@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -408,3 +409,44 @@ def test_damaged_sets_are_refused_in_one_line(tmp_path: Path, whole: bytes, data
         assert_one_line_that_names(error, path)
     else:
         assert np.isfinite(found.wrench).all()
+
+
+NAMES = ["x", "y", "z", "qx", "qy", "qz", "qw", "fx", "fy", "fz", "tx", "ty", "tz"]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [NAMES, {"motors": NAMES}, {"arm": NAMES[:7], "wrist": NAMES[7:]}, {name: k for k, name in enumerate(NAMES)}],
+)
+def test_names_that_lerobot_gives_to_the_elements_of_a_list_tell_what_they_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], names: Any
+) -> None:
+    state = np.hstack([Motion.position, QUAT, Motion.wrench])
+    columns = {"observation.state": state.tolist(), "action": state.tolist(), "timestamp": 0.1 * np.arange(60)}
+    folder = lerobot(tmp_path / "set", 3, pa.table({**columns, "episode_index": np.zeros(60, dtype=int)}))
+    described = {"observation.state": {"names": names}, "action": {"names": NAMES}, "image": {"names": None}}
+    (folder / "meta/info.json").write_text(json.dumps({"features": described}))
+    for orientation in ("auto", "quat_xyzw:observation.state[3:7]"):
+        samples = cw.read(folder, orientation)
+        assert np.array_equal(samples.wrench, Motion.wrench)
+        assert samples.R_base_flange == pytest.approx(Motion.R, abs=1e-12)
+    told = str(samples.read_as["columns"])
+    assert told.startswith(
+        'fx..fz from "observation.state[7:10]", tx..tz from "observation.state[10:13]", '
+        'qx..qw from "observation.state[3:7]", t from "timestamp"'
+    )
+    assert "observation.state[12].tz, action[0].x, " in run(capsys, "info", folder).out
+
+
+def test_names_that_do_not_fit_a_list_say_nothing_and_what_is_no_json_is_refused(tmp_path: Path) -> None:
+    folder = lerobot(tmp_path / "set", 3)
+    described = {"observation.state": {"names": ["fx", "fy"]}, "quat_xyzw": {"names": [0, 1, 2, 3]}}
+    (folder / "meta/info.json").write_text(json.dumps({"features": described}))
+    assert np.array_equal(cw.read(folder, episode=1).wrench, Motion.wrench[20:45])
+    (folder / "meta/info.json").write_text("{")
+    with pytest.raises(FileFormatError) as caught:
+        cw.read(folder, episode=1)
+    assert str(caught.value) == (
+        f"{folder}/meta/info.json: cannot be read as JSON (Input data was truncated), expected a whole JSON file: "
+        "write it anew"
+    )

@@ -130,7 +130,8 @@ def test_an_unknown_orientation_is_refused_with_the_known_ones(tmp_path: Path) -
         cw.read(written(tmp_path, QUAT_TABLE), orientation="abb")
     assert str(caught.value) == (
         "orientation 'abb' is not known, expected one of quat_xyzw, quat_wxyz, kuka_abc, fanuc_wpr, yaskawa, staubli, "
-        "kawasaki_oat, nachi, ur_rotvec, abb_quat, matrix, franka_matrix, rpy, euler:ZYX:deg, or auto"
+        "kawasaki_oat, nachi, ur_rotvec, abb_quat, matrix, franka_matrix, rot6d, rot6d_rows, rpy, euler:ZYX:deg, or "
+        "auto"
     )
 
 

@@ -199,6 +199,19 @@ def _from_column_major_pose(entries: Array) -> Array:
     return nearest_rotations(poses[:, :3, :3])
 
 
+SIX = tuple(f"rot6d_{k}" for k in range(6))
+
+
+def _from_two_columns(entries: Array) -> Array:
+    """Rotations of their first two columns, one after the other (Zhou et al., 2019, section 4)."""
+    x, y = entries[:, :3], entries[:, 3:]
+    return nearest_rotations(np.stack([x, y, np.cross(x, y)], axis=2))
+
+
+def _from_two_rows(entries: Array) -> Array:
+    return _from_two_columns(entries).transpose(0, 2, 1)
+
+
 CONVENTIONS: dict[str, Convention] = {
     c.name: c
     for c in (
@@ -226,6 +239,8 @@ CONVENTIONS: dict[str, Convention] = {
             _from_column_major_pose,
             "Franka: 4 x 4 pose, column by column",
         ),
+        Convention("rot6d", SIX, None, _from_two_columns, "robot learning: the matrix' first two columns"),
+        Convention("rot6d_rows", SIX, None, _from_two_rows, "PyTorch3D: the matrix' first two rows"),
         Convention("rpy", ("roll", "pitch", "yaw"), "deg", _euler("xyz"), "Rz(yaw) Ry(pitch) Rx(roll)"),
     )
 }

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 from ...errors import FileFormatError, InputError
-from .columns import NANOSECONDS, WRENCH_COLUMNS, Column, OpenTable, listed, shown
+from .columns import NANOSECONDS, WRENCH_COLUMNS, Column, OpenTable, listed, shown, without_own_name
 from .names import ESTIMATES, SECONDS, VECTORS, Meaning, meaning, quantity_of, stated_unit
 from .units import UNITS, known_units, per_si, symbol, unit_of
 
@@ -115,11 +115,11 @@ def usual(table: OpenTable, part: str, quantity: str) -> Candidate | None:
 
 
 def named(table: OpenTable, name: str, part: str, quantity: str) -> Candidate | None:
-    """The column that an option names, in any case, with the unit in brackets after it or without; None where there is
-    none.
+    """The column that an option names, in any case, with or without the unit in brackets after it, of an element of a
+    list its name; None where there is none.
     """
     wanted = name.strip().lower()
-    for form in (str, _without_unit):
+    for form in (str, _without_unit, without_own_name):
         found = [spelled for spelled in table.places if form(spelled.lower()) == wanted]
         if len(found) == 1:
             unit = stated_unit(quantity, found[0]) if quantity else ""
@@ -136,7 +136,7 @@ def expanded(table: OpenTable, text: str) -> str:
 
     Raises `InputError` for a slice that is none.
     """
-    there = {_without_unit(name.lower()) for name in table.places}
+    there = {without_own_name(_without_unit(name.lower())) for name in table.places}
 
     def elements(match: re.Match[str]) -> str:
         first, end = int(match[2] or 0), int(match[3])

@@ -203,7 +203,7 @@ def _of_one_kind(columns: Sequence[Column]) -> str:
     names = [f'"{shown(column.name)}"' for column in columns]
     if columns[-1].role == NANOSECONDS:
         return f"t from {' and '.join(names)}"
-    if len(sliced := list(with_slices(column.name for column in columns))) == 1 < len(columns):
+    if len(sliced := list(with_slices(without_own_name(column.name) for column in columns))) == 1 < len(columns):
         return f'{columns[0].role}..{columns[-1].role} from "{shown(sliced[0])}"{units[0]}'
     if len(columns) > 1 and len(set(units)) == 1 and _in_turn([column.name for column in columns]):
         return f"{columns[0].role}..{columns[-1].role} from {names[0]}..{names[-1]}{units[0]}"
@@ -250,6 +250,11 @@ def with_slices(names: Iterable[str]) -> Iterator[str]:
         members = [name for _, name in group]
         first = 0 if one is None else int(members[0][len(one[0]) + 1 : -1])
         yield from members if one is None else [f"{one[0]}[{first}:{first + len(members)}]"]
+
+
+def without_own_name(element: str) -> str:
+    """`a[3]` of `a[3].fx`, an element of a list that has a name of its own."""
+    return re.sub(r"(?<=\d\])\..*$", "", element)
 
 
 def listed(places: Iterable[str]) -> str:

@@ -246,10 +246,10 @@ def _words(header: str) -> tuple[list[str], str | None]:
     def within(match: re.Match[str]) -> str:
         nonlocal unit
         content = match[1].strip()
+        if content in ("", "-") or (content.isdecimal() and header[match.end() :][:1] == "."):  # no unit; a[3].fx
+            return " "
         if content.isdecimal() or content.lower() in POSITION:
             return f" {content} "
-        if content in ("", "-"):  # no unit
-            return " "
         unit = content if unit is None else f"{unit} {content}"
         return " "
 

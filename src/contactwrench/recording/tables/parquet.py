@@ -1,9 +1,7 @@
 """Named columns of numbers in Parquet files, one or a folder of them, a batch of rows at a time, by pyarrow.
 
 Rows are counted from 1, over all files of a folder. A list stands for columns `name[0]`, `name[1]` and so on, a struct
-for columns `name.field`. A folder may be a data set of LeRobot, version 2 or 3: `meta/info.json`, and an episode a file
-or many of them in `data/chunk-*/*.parquet` (huggingface/lerobot, docs/source/lerobot-dataset-v3.mdx; the paths of
-version 2 are in src/lerobot/datasets/v30/convert_dataset_v21_to_v30.py).
+for columns `name.field`. A folder may be a data set of LeRobot (lerobot.py).
 """
 
 from __future__ import annotations
@@ -27,6 +25,7 @@ from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, Part, readable, require_room, require_room_for_pages
 from .columns import Column, OpenTable, places_of, shown
 from .episodes import EPISODE
+from .lerobot import INFO, in_set, is_set, names_of_elements
 from .units import per_si
 
 SUFFIXES = (".parquet", ".pq")
@@ -47,11 +46,12 @@ class _Leaf:
     def name(self) -> str:
         return ".".join(part.strip() for part in self.path)
 
-    def fields(self, length: int | None) -> list[Field]:
-        """The columns that it stands for, where its lists are that long."""
+    def fields(self, length: int | None, names: tuple[str, ...]) -> list[Field]:
+        """The columns that it stands for, where its lists are that long; what the `names` of their elements are."""
         if not length or length > MOST_ELEMENTS:
             return [Field(self.name, self.path)]
-        return [Field(f"{self.name}[{k}]", self.path, k, length) for k in range(length)]
+        of_each = [f".{name}" for name in names] if len(names) == length else [""] * length
+        return [Field(f"{self.name}[{k}]{of_each[k]}", self.path, k, length) for k in range(length)]
 
 
 def is_parquet(path: str | Path) -> bool:
@@ -161,7 +161,7 @@ def _is_number(kind: Any) -> bool:
 def _described(path: str | Path) -> tuple[list[Part], list[Field]]:
     """The files, and their columns. Raises `FileFormatError` for files with different ones, or without rows."""
     files = _parts(Path(path)) if os.path.isdir(path) else [Path(path)]
-    there = [file for file in files if os.path.isfile(file)]
+    there = [file for file in (*files, Path(path) / INFO) if os.path.isfile(file)]
     written, sizes = (tuple(map(of, there)) for of in (os.path.getmtime, os.path.getsize))
     return _as_written(path, tuple(files), written, sizes)
 
@@ -193,7 +193,8 @@ def _as_written(
         leaves = found
     if not any(any(part.rows) for part in parts):
         raise FileFormatError(f"{path}: found columns and no rows, expected a row for each reading: add them")
-    fields = [leaf.fields(lengths.get(leaf.path, leaf.length)) for leaf in leaves]
+    names = names_of_elements(Path(path))
+    fields = [leaf.fields(lengths.get(leaf.path, leaf.length), names.get(leaf.name, ())) for leaf in leaves]
     return parts, list(chain.from_iterable(fields))
 
 
@@ -219,14 +220,13 @@ def _episodes(metadata: Any, groups: list[Any]) -> tuple[tuple[float, float] | N
 
 
 def _parts(folder: Path) -> list[Path]:
-    """The Parquet files in a folder, or in the `data` of a data set of LeRobot, part 2 before part 10."""
+    """The Parquet files in a folder, or of a data set of LeRobot, part 2 before part 10."""
 
     def by_numbers(path: Path) -> list[tuple[int, str]]:
         words = re.split(r"(\d+)", str(path.relative_to(folder)))
         return [(int(word), "") if word.isdecimal() else (-1, word) for word in words]
 
-    in_set = (folder / "meta" / "info.json").is_file()
-    files = (folder / "data").glob("*/*") if in_set else entries(folder)
+    files = in_set(folder) if is_set(folder) else entries(folder)
     return sorted((path for path in files if path.suffix.lower() in SUFFIXES), key=by_numbers)
 
 
