@@ -70,6 +70,7 @@ def test_rows_without_a_reading_have_no_contact_wrench(
     plain = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "plain.csv")
     assert plain.status == 0
     assert plain.err == "Note: found no whole reading (nothing, or NaN) in 8 rows: not used\n"
+    assert cw.read(path).notes == ("found no whole reading (nothing, or NaN) in 8 rows: not used",)
     judged = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "judged.csv", "--contact", "--noise", "0.02")
     assert judged.status == 0
     assert "Note: 8 readings that are not numbers left out" in judged.err

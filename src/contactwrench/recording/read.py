@@ -243,7 +243,7 @@ def read(
         imu: an accelerometer on the tool: a topic of the bag, a table, or three columns "ax,ay,az" of the table.
 
     Returns:
-        Wrenches (n, 6), N and N m, sensor axes, pull sign, each with its `R_base_flange`.
+        Wrenches (n, 6), N and N m, sensor axes, pull sign, each with its `R_base_flange`; `notes` say what was done.
 
     Raises:
         FileAccessError: the file cannot be opened.
@@ -251,11 +251,11 @@ def read(
         InputError: the arguments do not fit the kind of file.
         MissingExtraError: a package that this kind of file needs is not installed.
     """
-    second = None if pose_file is None else Path(pose_file)
-    of_table = orientation, wrench_columns, time_column, units, hdf5, episode
+    of_table, notes = (orientation, wrench_columns, time_column, units, hdf5, episode), list[str]()
     axes, of_bag = (wrench_frame, sign, inverse_orientation), (wrench_topic, pose_topic, frames, robot)
-    options = *of_table, *axes, *of_bag, second, base_frame, accept_damaged, imu
-    return read_samples(path, Options(*options))
+    options = *of_table, *axes, *of_bag, None if pose_file is None else Path(pose_file), base_frame, accept_damaged, imu
+    samples = read_samples(path, Options(*options), tell=notes.append)
+    return replace(samples, notes=tuple(notes))
 
 
 def _as_streams(block: Block, path: str | Path) -> Streams:

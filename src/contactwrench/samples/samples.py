@@ -57,6 +57,7 @@ class Samples(Rows):
         damage: what of a damaged file could not be read, one sentence; empty: nothing.
         accelerometer: what one on the tool read (n, 3), own axes and unit; NaN: not known.
         accelerometer_period: s, between the readings that these were interpolated between; None: each row has its own.
+        notes: what was done and left out as a file was read, a sentence each.
 
     Raises:
         InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a time or a load that nobody
@@ -79,6 +80,7 @@ class Samples(Rows):
     pose_period: float | None = None
     accelerometer: Array | None = field(default=None, metadata=column(3))
     accelerometer_period: float | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
