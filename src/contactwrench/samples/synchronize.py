@@ -154,7 +154,7 @@ class _Pairing:
         nodes = nodes_of(buffer, self._limits.orientation, is_last)
         if self._pose_period is None and len(nodes.t) > 1:
             self._pose_period = float(np.median(np.diff(nodes.t)))
-        n = buffer.decided(nodes.until + self._delay, is_last)
+        n = buffer.decided(nodes.until + self._delay, is_last) if len(nodes.t) > 1 else 0  # one alone: none is between
         pairs = self._paired(buffer, n, nodes, self._limits) if n else self._nothing(buffer)
         self._count.update({part.reason: len(part.rows) for part in pairs.left_out}, paired=len(pairs.rows))
         t = np.r_[buffer.passed, buffer.readings.t[:n]]
