@@ -348,15 +348,15 @@ def test_batches_give_what_the_whole_gives(
 
 
 def test_a_first_batch_in_which_a_pose_is_held_waits_for_the_next() -> None:
-    t, at = np.arange(0.0, 1.0, 0.01), np.arange(0.0, 1.0, 0.04)
-    R = np.repeat(smooth_rotations(at, np.random.default_rng(0))[::3], 3, axis=0)[: len(at)]
+    t, at = np.arange(0.0, 1.0, 0.01), np.arange(0.0, 1.0, 0.02)
+    R = np.repeat(smooth_rotations(at, np.random.default_rng(0))[::6], 6, axis=0)[: len(at)]
     wrench = np.random.default_rng(1).normal(size=(len(t), 6))
-    for cut in (0.12, 0.15, 0.2):
+    whole = synchronize(Streams(WrenchStream(t, wrench), OrientationStream(at, R)), longest_gap=0.3)
+    for cut in (0.15, 0.18, 0.21):
         parts = [
             Streams(WrenchStream(t[some], wrench[some]), OrientationStream(at[poses], R[poses]))
-            for some, poses in ((t < cut, at < 0.12), (t >= cut, at >= 0.12))
+            for some, poses in ((t < cut, at < cut), (t >= cut, at >= cut))
         ]
-        whole = synchronize(Streams(WrenchStream(t, wrench), OrientationStream(at, R)), longest_gap=0.3)
         found = _joined(list(synchronized(parts, longest_gap=0.3)))
         assert (found[0] == _joined([whole])[0]).all()
 
