@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
@@ -20,6 +21,7 @@ from contactwrench.recording.compensate import Treatment, compensated
 from contactwrench.recording.contacts_in_doubt import InDoubt, OffThroughout
 from contactwrench.recording.options import Options
 from contactwrench.samples.samples import Samples
+from tests.support.in_motion import at_stops, moving
 from tests.support.live import calibrated, free
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.world import Array, readings
@@ -122,6 +124,38 @@ def test_most_of_the_time_is_asked_about_whatever_the_force() -> None:
             wrench, std = rng.normal(size=(100, 6)), np.ones((100, 6))
             doubt.add(Samples(free(rig, R, rng), R, t), ContactWrenches(wrench, std, t, True, contact=contact))
         assert str(doubt) == (f"in contact for 80% of the time: {CAUSES}" if asked else "")
+
+
+def of_inertia(calibration: cw.Calibration, samples: Samples, at_once: int) -> str:
+    """What is said of a recording of the moving rig that is judged in batches of so many rows."""
+    doubt, compensator = InDoubt(calibration), cw.Compensator(calibration, noise=0.05, fast=False)
+    for start in range(0, len(samples), at_once):
+        part = samples.select(slice(start, start + at_once))
+        assert part.t is not None
+        doubt.add(part, compensator.run(part.wrench, part.R_base_flange, part.t))
+    return str(doubt)
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_the_inertia_that_a_calibration_does_not_know_is_named(seed: int) -> None:
+    samples = moving(seed, stops=0, seconds=6.0, rate=250.0).samples()
+    said = of_inertia(at_stops(), samples, 800)
+    assert re.fullmatch(
+        r"in (8|9)\d% of the time in contact the force, up to \d+\.?\d* N, is what the free tool exerts as the arm "
+        r"accelerates: calibrate it with --model dynamic, or state what it scatters by in motion \(--noise\)",
+        said,
+    )
+    assert "free tool" not in of_inertia(at_stops(), replace(samples, position=None), 800)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_hands_on_an_arm_that_moves_slowly_are_no_inertia(seed: int) -> None:
+    calibration, rig, _ = calibrated(3)
+    rng = np.random.default_rng(seed)
+    R, t = turning(N, rng), np.arange(N) / RATE
+    position = 0.2 * np.sin(t[:, None] * [0.5, 0.3, 0.7])
+    samples = Samples(free(rig, R, rng) + hand(rng, "60 %"), R, t, position)
+    assert of_inertia(calibration, samples, N // 2) == ""
 
 
 def test_the_command_says_it_in_one_line(tmp_path: Path, capsys: Capture) -> None:

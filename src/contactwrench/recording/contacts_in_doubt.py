@@ -1,12 +1,21 @@
-"""Contact that may be none, and forces that nobody judges: another tool, another zero, or not read as calibrated."""
+"""Contact that may be none, and forces that nobody judges: another tool, another zero, an arm that accelerates, or not
+read as calibrated.
+"""
 
 from __future__ import annotations
+
+from contextlib import suppress
 
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..calibration.dynamics import inertial_matrix
 from ..compensate.contact_wrenches import FREE, TOUCHING, ContactWrenches
+from ..errors import InputError
 from ..estimation.noise import variance_of_means
+from ..estimation.priors import tool_of
+from ..geometry.arrays import Array
+from ..samples.flange_motion import flange_motion
 from ..samples.samples import Samples
 from ..statistics import two_digits
 
@@ -14,6 +23,8 @@ LONG, STEADY, MARGIN = 10.0, 0.05, 1.2
 """s for which no hand keeps as even: within this share of the force, and so many times the variance."""
 MOST_OF_TIME = 0.75
 """Share of the samples in contact, from which on it is in doubt, however it goes."""
+EXPLAINED, OFTEN = 0.25, 0.25
+"""Of a force's square, what is left of it less a free tool's inertia; and the share of the samples in contact."""
 PART_OF_WEIGHT, NEARLY_ALL = 0.1, 0.9
 """Of the weight, and of the rows: orientations that have nothing to do with the readings leave less in few of them."""
 FEWEST_ROWS = 100
@@ -28,11 +39,12 @@ OTHERWISE = (
 
 class InDoubt:
     """Whether contact, batch by batch, may be another tool or a zero that moved: it lasts, by a force that a weight, a
-    bias and a steady drift explain, as they do no hand's, or there is one for most of the time.
+    bias and a steady drift explain, as they do no hand's, or there is one for most of the time; or the inertia of a
+    tool, which the calibration does not know: its mass times the acceleration that positions tell.
     """
 
     def __init__(self, calibration: Calibration) -> None:
-        self.calibration, self.rows, self.touching = calibration, 0, 0
+        self.calibration, self.rows, self.touching, self.inertial, self.largest = calibration, 0, 0, 0, 0.0
         self.start, self.last, self.lasts = np.nan, np.nan, np.empty((0, 8))
 
     def add(self, samples: Samples, batch: ContactWrenches) -> None:
@@ -40,6 +52,11 @@ class InDoubt:
         t, touching = np.asarray(samples.t), batch.contact == TOUCHING
         self.start, self.rows = np.fmin(self.start, t[0]), self.rows + len(t)
         self.touching += int(np.sum(touching))
+        if touching.any() and (inertial := self._inertial(samples)) is not None:
+            left, of_sample = (np.sum(force[:, :3] ** 2, axis=1) for force in (batch.wrench - inertial, batch.wrench))
+            explained = touching & (left < EXPLAINED * of_sample)
+            self.inertial += int(np.sum(explained))
+            self.largest = max(self.largest, float(np.sqrt(of_sample[explained].max(initial=0.0))))
         if (free := np.flatnonzero(batch.contact == FREE)).size:
             self.lasts, touching[: free[-1]] = self.lasts[:0], False
         read = self.calibration.predict(samples.R_base_flange)[:, :3]
@@ -49,8 +66,26 @@ class InDoubt:
         self.last = np.floor(10.0 * t[-1])
         self.lasts = np.vstack([self.lasts, np.column_stack(known)[kept]])
 
+    def _inertial(self, samples: Samples) -> Array | None:
+        """What a free tool exerts (n, 6) as its arm accelerates, its mass at the centre of mass and the sensor at the
+        flange; None where the calibration counts it, or no position tells.
+        """
+        mass, motion = self.calibration.mass, None
+        if mass is not None and self.calibration.dynamics is None and samples.position is not None:
+            with suppress(InputError):  # too few rows
+                motion = flange_motion(samples)
+        if mass is None or motion is None:
+            return None
+        return motion.terms @ inertial_matrix(tool_of(self.calibration), mass, np.zeros((3, 3)), np.zeros(3)).T
+
     def __str__(self) -> str:
         """A sentence; empty where nothing is in doubt."""
+        if self.inertial > OFTEN * self.touching:
+            return (
+                f"in {self.inertial / self.touching:.0%} of the time in contact the force, up to "
+                f"{two_digits(self.largest)} N, is what the free tool exerts as the arm accelerates: calibrate it with "
+                "--model dynamic, or state what it scatters by in motion (--noise)"
+            )
         t, load, force, variance = np.split(self.lasts, (1, 4, 7), axis=1)
         of_axis = np.tile(np.eye(3), (len(t), 1, 1))
         known = np.concatenate([load[..., None], of_axis, t[..., None] * of_axis], axis=2).reshape(-1, 7)
