@@ -18,7 +18,7 @@ from ..errors import ContactWrenchError
 from ..geometry.orientation import from_quat_xyzw, to_quat_xyzw
 from ..geometry.quaternions import angle_between
 from ..samples.samples import Streams
-from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_check, with_delay
+from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_check, with_delay, with_inertia
 from .history import History
 from .pose_taking import PoseTaking, samples_of
 from .push_test import PushTest
@@ -181,7 +181,8 @@ class Wizard:
             return [("refusal", self.fit.refusal)] if with_motion else []
         self.poses.doubt(doubts_of(self.calibration, taken))
         if with_motion:
-            whole = with_delay(self.calibration, self._streams())
+            streams = self._streams()
+            whole = with_inertia(with_delay(self.calibration, streams), streams)
             self.fit = Fitted(whole, self.sign, "", self.fit.settled)
         return [("fit", f"{len(taken)} poses: verdict {self.calibration.verdict}")]
 

@@ -1,17 +1,29 @@
-"""Sets of recordings in one table, as robot learning has them: a column says which episode a row is of."""
+"""Sets of recordings in one table, as robot learning has them: a column says which episode a row is of.
+
+A data set of LeRobot, version 2 or 3, is a folder: `meta/info.json`, and an episode a file or many of them in
+`data/chunk-*/*.parquet` (huggingface/lerobot, docs/source/lerobot-dataset-v3.mdx; the paths of version 2 are in
+src/lerobot/datasets/v30/convert_dataset_v21_to_v30.py).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
+from itertools import chain
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...errors import FileFormatError
+from ...files import read_bytes
 from ...geometry.arrays import Array
 from ...geometry.ranges import EPISODE as EPISODES
+from .batch import readable
 from .columns import Body, Column, OpenTable, listed
 
 EPISODE = "episode_index"
+LEROBOT = Path("meta") / "info.json"
+"""What a folder has that is such a set."""
 
 
 def episode_column(table: OpenTable) -> Column | None:
@@ -104,3 +116,27 @@ def _one_expected(source: str, seen: set[float], others: Iterable[Body], column:
 
 def _named(episodes: set[float]) -> str:
     return listed(f"{episode:g}" for episode in sorted(episodes))
+
+
+def names_of_elements(folder: Path) -> dict[str, tuple[str, ...]]:
+    """What LeRobot calls the elements of each list in a set, by the list's name; of a folder that is none, nothing.
+    Raises `FileFormatError`.
+    """
+    if not (folder / LEROBOT).is_file():
+        return {}
+    import msgspec
+
+    with readable(str(folder / LEROBOT), "JSON", (msgspec.DecodeError,)):
+        features = msgspec.json.decode(read_bytes(folder / LEROBOT), type=dict[str, Any]).get("features")
+    described = features.items() if isinstance(features, dict) else ()
+    found = {feature: _in_order(is_so.get("names")) for feature, is_so in described if isinstance(is_so, dict)}
+    return {feature: names for feature, names in found.items() if all(isinstance(name, str) for name in names)}
+
+
+def _in_order(names: Any) -> tuple[Any, ...]:
+    """Names that are written as a list, as lists of several parts, or each with its place."""
+    if isinstance(names, dict) and all(isinstance(place, int) for place in names.values()):
+        return tuple(sorted(names, key=names.__getitem__))
+    if isinstance(names, dict) and all(isinstance(part, list) for part in names.values()):
+        return tuple(chain.from_iterable(names.values()))
+    return tuple(names) if isinstance(names, list) else ()

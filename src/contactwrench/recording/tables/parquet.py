@@ -1,7 +1,7 @@
 """Named columns of numbers in Parquet files, one or a folder of them, a batch of rows at a time, by pyarrow.
 
 Rows are counted from 1, over all files of a folder. A list stands for columns `name[0]`, `name[1]` and so on, a struct
-for columns `name.field`. A folder may be a data set of LeRobot (lerobot.py).
+for columns `name.field`. A folder may be a data set of LeRobot (episodes.py).
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ from ...files import entries, open_bytes
 from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, Part, readable, require_room, require_room_for_pages
 from .columns import Column, OpenTable, places_of, shown
-from .episodes import EPISODE
-from .lerobot import INFO, in_set, is_set, names_of_elements
+from .episodes import EPISODE, LEROBOT, names_of_elements
 from .units import per_si
 
 SUFFIXES = (".parquet", ".pq")
@@ -161,7 +160,7 @@ def _is_number(kind: Any) -> bool:
 def _described(path: str | Path) -> tuple[list[Part], list[Field]]:
     """The files, and their columns. Raises `FileFormatError` for files with different ones, or without rows."""
     files = _parts(Path(path)) if os.path.isdir(path) else [Path(path)]
-    there = [file for file in (*files, Path(path) / INFO) if os.path.isfile(file)]
+    there = [file for file in (*files, Path(path) / LEROBOT) if os.path.isfile(file)]
     written, sizes = (tuple(map(of, there)) for of in (os.path.getmtime, os.path.getsize))
     return _as_written(path, tuple(files), written, sizes)
 
@@ -226,7 +225,8 @@ def _parts(folder: Path) -> list[Path]:
         words = re.split(r"(\d+)", str(path.relative_to(folder)))
         return [(int(word), "") if word.isdecimal() else (-1, word) for word in words]
 
-    files = in_set(folder) if is_set(folder) else entries(folder)
+    in_set = (folder / LEROBOT).is_file()
+    files = (folder / "data").glob("*/*") if in_set else entries(folder)
     return sorted((path for path in files if path.suffix.lower() in SUFFIXES), key=by_numbers)
 
 
