@@ -97,7 +97,7 @@ def test_nothing_is_taken_from_a_motion_that_is_not_free_or_not_told(seed: int) 
         "mirrored": streams_of(arm, position=place * [-1.0, 1.0, 1.0]),
         "axes exchanged": streams_of(arm, position=place[:, [1, 0, 2]]),
         "all zero": streams_of(arm, position=0.0 * place),
-        "rare": streams_of(arm, rate=5),
+        "rare": streams_of(arm, rate=25),
         "noisy": streams_of(arm, position=place + rng.normal(0.0, 0.02, place.shape)),
     }
     for name, streams in cases.items():

@@ -11,6 +11,7 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.text import parameter_rows
+from ..compensate.inertia import SLOWEST_POSES
 from ..errors import ContactWrenchError
 from ..estimation.calibrate import DOWN, calibrate
 from ..estimation.in_motion import with_motion
@@ -118,7 +119,9 @@ def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibrati
     """The calibration with the inertia that the motion tells, where the robot's poses have positions and nothing of it
     is in doubt: a tool that was moved by hand, or positions of something else than the flange, are no way to tell it.
     """
-    if streams is None or streams.orientation.position is None:
+    if streams is None or streams.orientation.position is None or len(streams.orientation) < 2:
+        return calibration
+    if np.median(np.diff(streams.orientation.t)) > SLOWEST_POSES:  # in the run they would tell no motion
         return calibration
     readings = streams.wrench.select(slice(None, None, max(len(streams.wrench) // MOST_ROWS, 1)))
     applied = is_significant(calibration.delay or 0.0, calibration.delay_std or np.inf)
