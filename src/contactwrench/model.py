@@ -101,28 +101,11 @@ def wrench_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...
     Mounting: `R_flange_sensor @ exp([delta]x)`, sensor axes, so du = u x delta. `yaw` is the z component of delta.
     Gravity: `exp([alpha a + beta b]x) d` with `horizontal_axes` a, b.
     """
-    n = len(R_base_flange)
-    R_sensor_flange = tool.R_flange_sensor.T
-    u = gravity_in_flange(R_base_flange, tool.gravity_direction) @ tool.R_flange_sensor
-    com = cross_matrix(tool.com)
-    J = np.zeros((n, 6, len(names)))
-    J[:, :3, 0] = u
-    J[:, 3:, 0] = u @ com.T
-    J[:, 3:, 1:4] = -tool.weight * cross_matrix(u)
+    of_R = response_jacobian(tool, names)
+    of_each = R_base_flange.reshape(-1, 9) @ of_R.reshape(-1, 9).T
+    J = np.zeros((len(R_base_flange), 6, len(names)))
+    J[:, :, all_but_the_bias(names)] = of_each.reshape(-1, len(of_R), 6).transpose(0, 2, 1)
     J[:, :, 4:10] = np.eye(6)
-    if "yaw" in names or "mount_x" in names:
-        dF = tool.weight * cross_matrix(u)
-        if "yaw" in names:
-            dF = dF[:, :, 2:]
-        columns = slice(10, 10 + dF.shape[2])
-        J[:, :3, columns] = dF
-        J[:, 3:, columns] = com @ dF
-    if "gravity_a" in names:
-        a, b = horizontal_axes(tool.gravity_direction)
-        turned = np.stack([-b, a])
-        dF = tool.weight * R_sensor_flange @ (turned @ R_base_flange).transpose(0, 2, 1)
-        J[:, :3, -2:] = dF
-        J[:, 3:, -2:] = com @ dF
     return J
 
 
@@ -180,29 +163,14 @@ def mounting_turn(names: tuple[str, ...]) -> Array:
 
 
 def matrix_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
-    """Derivative (24, p) of B, row-major, with respect to the rigid parameters `names`.
-
-    B is linear in [r, 1], so its columns are the free wrenches at r = x, y, z less the one at r = 0; the
-    derivative follows the same way. The direction of gravity does not enter B.
+    """Derivative (24, p) of B, row-major, with respect to the rigid parameters `names`: of what the response to
+    R_base_flange says along gravity, whose direction does not enter B.
     """
+    of_R = response_jacobian(tool, names).reshape(-1, 6, 3, 3)
     J = np.zeros((6, 4, len(names)))
-    unit_r = RigidTool(tool.weight, tool.com, tool.bias, tool.R_flange_sensor, np.array([0.0, 0.0, 1.0]))
-    J[:, :3] = wrench_jacobian(unit_r, _R_BASE_FLANGE_WITH_DOWN_ALONG, names).transpose(1, 0, 2)
-    J[:, :3, 4:10] = 0.0
+    J[:, :3, all_but_the_bias(names)] = (tool.gravity_direction @ of_R).transpose(1, 2, 0)
     J[:, 3, 4:10] = np.eye(6)
-    if "gravity_a" in names:
-        J[:, :, -2:] = 0.0
     return J.reshape(24, len(names))
-
-
-_R_BASE_FLANGE_WITH_DOWN_ALONG = np.array(
-    [
-        [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
-        [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-    ]
-)
-"""Rotations whose `R^T z` is x, y and z."""
 
 
 def stepped(tool: RigidTool, step: Array, names: tuple[str, ...]) -> RigidTool:

@@ -252,7 +252,7 @@ class CalibrationFields(Frozen, WithFindings):
             return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
         return wrench_jacobian(self._rigid_tool, R_base_flange, self.parameter_names)
 
-    @property
+    @cached_property
     def _rigid_tool(self) -> RigidTool | None:
         if self.weight is None or self.com is None or self.R_flange_sensor is None:
             return None
