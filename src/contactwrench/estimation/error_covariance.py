@@ -53,14 +53,6 @@ class AlikeOnAxes:
         """N, the noise of an axis of force, RMS."""
         return float(np.sqrt(np.mean(self.variance[:3])))
 
-    @property
-    def log_determinant(self) -> float:
-        """Of V of the poses kept."""
-        relative, L = self.relative[self.kept], self.strength * self.columns[self.kept]
-        of_columns = np.linalg.slogdet(np.eye(L.shape[1]) + L.T @ (L / relative[:, None]))[1]
-        of_K = float(np.sum(np.log(relative))) + float(of_columns)
-        return 6.0 * of_K + len(relative) * float(np.sum(np.log(self.variance)))
-
     def in_common(self, weighted: Array) -> Array:
         """What all poses (n, 6) are known to be off, from `V^-1 errors` (m, 6) of those kept."""
         L = self.columns

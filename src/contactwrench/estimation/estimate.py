@@ -54,11 +54,6 @@ class Estimate:
         return self.residuals
 
     @property
-    def change(self) -> Array:
-        """What each pose's bias was off the last one (n, 6), where it is believed to have moved; else zero."""
-        return np.zeros_like(self.errors)
-
-    @property
     def bias_moved(self) -> bool:
         """Whether that is likelier than not."""
         return False
@@ -168,5 +163,5 @@ class RigidEstimate(Estimate):
 
     @property
     def change(self) -> Array:
-        """What each pose's bias was off the last one (n, 6)."""
+        """What each pose's bias was off the last one (n, 6), where it is believed to have moved; else zero."""
         return np.zeros_like(self.errors) if self.beliefs is None or not self.bias_moved else self.beliefs.change

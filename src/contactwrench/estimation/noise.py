@@ -59,34 +59,17 @@ MOST_DOF = 1e6
 NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 
 
-@dataclass(frozen=True, eq=False)
-class Scatter:
-    """Covariance (n, 6, 6) of each pose's mean from the pooled scatter of its samples, and that scatter's dof."""
-
-    covariance: Array
-    dof: float
-
-
-def pooled_scatter(poses: tuple[Pose, ...]) -> Scatter | None:
-    """The scatter of the samples within poses, pooled over the poses; None where no pose has a repeated row."""
-    n = np.array([pose.n for pose in poses], dtype=np.float64)
-    dof = float(np.sum(n - 1.0))
-    if dof == 0.0:
-        return None
-    of_sample = sum((pose.n * (pose.n - 1.0) * pose.wrench_cov for pose in poses), np.zeros((6, 6))) / dof
-    return Scatter(of_sample / n[:, None, None], dof)
-
-
 def variance_of_means(noise: Array, fitted: tuple[Pose, ...], rows: Array) -> Array:
     """Variance (m, 6) of the mean of so many `rows` (m,) each: what the `fitted` poses, whose readings have the std
-    `noise` (6,), differ by, and the scatter of a sample over the rows (where no row is repeated, `noise` has both).
+    `noise` (6,), differ by, and the scatter of a sample, pooled over the poses (where no row is repeated, `noise` has
+    both).
     """
-    scatter = pooled_scatter(fitted)
-    if scatter is None:
+    n = np.array([pose.n for pose in fitted], dtype=np.float64)
+    if not (n > 1.0).any():
         return np.tile(noise**2, (len(rows), 1))
-    of_means = np.einsum("nii->ni", scatter.covariance)
-    of_sample = of_means[0] * fitted[0].n
-    between = np.maximum(noise**2 - of_means.mean(axis=0), 0.0)
+    of_means = np.array([np.diag(pose.wrench_cov) for pose in fitted])
+    of_sample = n * (n - 1.0) @ of_means / np.sum(n - 1.0)
+    between = np.maximum(noise**2 - of_sample * np.mean(1.0 / n), 0.0)
     return np.asarray(between + of_sample / rows[:, None])
 
 
