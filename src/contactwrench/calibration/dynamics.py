@@ -211,7 +211,7 @@ def inertial_jacobian(
         for k, axis in zip(about, turn.T, strict=True):
             K = cross_matrix(axis)
             J[:, 3:, k] = -_spin(inertia, alpha @ K, products @ K - K @ products)
-    J[:, :3, p + 6 :] = -mass * R_sensor_flange @ _turning(_UNIT_ALPHA, _UNIT_PRODUCTS)
+    J[:, :3, p + 6 :] = -mass * R_sensor_flange @ turning(_UNIT_ALPHA, _UNIT_PRODUCTS)
     J[:, 3:] += com @ J[:, :3]
     J[:, 3:, 1:4] -= cross_matrix(force)
     for k, unit in enumerate(np.eye(6)):
@@ -264,14 +264,16 @@ def covariance_in_motion(
 def _unit_motions(tool: RigidTool, mass: float, sensor_offset: Array) -> tuple[Array, Array, Array, Array]:
     """Of each unit of the terms the force (12, 3), and in sensor axes alpha (12, 3), W and the products (12, 3, 3)."""
     R_flange_sensor = tool.R_flange_sensor
-    W = _turning(_UNIT_ALPHA, _UNIT_PRODUCTS)
+    W = turning(_UNIT_ALPHA, _UNIT_PRODUCTS)
     of_origin = (_UNIT_ACCELERATION + W @ sensor_offset) @ R_flange_sensor
     W, products = (R_flange_sensor.T @ each @ R_flange_sensor for each in (W, _UNIT_PRODUCTS))
     return -mass * (of_origin + W @ tool.com), _UNIT_ALPHA @ R_flange_sensor, W, products
 
 
-def _turning(alpha: Array, products: Array) -> Array:
-    """W (k, 3, 3): the acceleration of a point of a turning body from its place."""
+def turning(alpha: Array, products: Array) -> Array:
+    """W (k, 3, 3): the acceleration of a point of a turning body from its place, of its angular acceleration (k, 3)
+    and the products omega omega^T (k, 3, 3) of its angular velocity.
+    """
     return np.asarray(cross_matrix(alpha) + products - np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3))
 
 

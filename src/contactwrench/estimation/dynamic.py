@@ -29,6 +29,7 @@ from ..geometry.arrays import Array
 from ..model import RigidTool, all_but_the_bias, response, response_jacobian, response_of, stepped
 from .motion_moments import BENDS, CHANGES, MOTION, ONE, ORIENTATION, REGRESSORS, MotionMoments
 from .rigidity import BeyondRigid, beyond_rigid
+from .variance_components import inverse_of
 
 GYRATION, GYRATION_STD = 0.05, 0.1
 """m: of the inertia before anything moved, the mass at so far from its centre, and its std."""
@@ -171,7 +172,7 @@ def moved(
         summed = np.tensordot(weight, moments.products, (0, 0))[:, :, :LATER] / variance[:, :, None, None]
         each = J.transpose(0, 2, 1)[:, None] @ summed[..., :LATER] @ J[:, None]
         of_sought = each[:, :, sought][..., sought]
-        inverse = _inverse(prior + of_sought.sum(axis=(0, 1)))
+        inverse = inverse_of(prior + of_sought.sum(axis=(0, 1)))
         spent = np.einsum("pq,abqp->ab", inverse, of_sought)
         step = inverse @ (np.einsum("aip,ai->p", J[:, :, sought], np.einsum("abij,aj->ai", summed, left)) - prior @ off)
         off, whole = off + step, np.zeros(p + SLOW + 1)
@@ -227,12 +228,6 @@ def _pull(left: Array, J: Array, weight: Array, variance: Array, products: Array
     share = cross / (own[:, :, None] * own[:, None])
     alike = np.einsum("bac,acbij->acij", share, summed[..., :LATER, :LATER])
     return np.asarray(np.einsum("aip,acij,cjq->pq", J, alike, J, optimize=True))
-
-
-def _inverse(information: Array) -> Array:
-    unit = 1.0 / np.sqrt(np.diag(information))
-    scale = np.outer(unit, unit)
-    return np.asarray(np.linalg.inv(information * scale) * scale)
 
 
 def _left_and_jacobian(at: _Point, g: float, names: tuple[str, ...]) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -63,8 +63,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     if samples.t is not None and told and not is_stream(samples):
         raise _at_rest(samples, 0.0)
     followed = _followed(calibration, as_stamped(samples), stated, _applied(samples))
-    samples, motion, moments, found = followed.samples, followed.motion, followed.moments, followed.found
-    accelerometer, late = followed.accelerometer, followed.late
+    samples, motion, moments, found, accelerometer, late = followed
     tool, mass = tool_of(calibration), float(calibration.mass or 0.0)
     untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
     if found.is_negative:
@@ -111,23 +110,13 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     return replace(complete, dynamics=dynamics, findings=(*calibration.findings, *said))
 
 
-@dataclass(frozen=True, eq=False)
-class _Followed:
-    """A motion as it was followed: `samples` with each reading where it belongs, the `motion`, its `moments`, what was
-    `found`, how an accelerometer sits, and by how many s the wrench is `late` in all; None: nothing was put elsewhere.
-    """
-
-    samples: Samples
-    motion: FlangeMotion
-    moments: MotionMoments
-    found: Moved
-    accelerometer: Accelerometer | None
-    late: float | None
-
-
-def _followed(calibration: Calibration, samples: Samples, stated: Array | None, applied: float) -> _Followed:
+def _followed(
+    calibration: Calibration, samples: Samples, stated: Array | None, applied: float
+) -> tuple[Samples, FlangeMotion, MotionMoments, Moved, Accelerometer | None, float | None]:
     """The motion in samples, to which a delay of so many s was `applied`; readings that it says are late are put where
-    they belong, and it is followed again. Raises as `with_motion`.
+    they belong, and it is followed again. So the samples, their motion, its moments, what these tell, how an
+    accelerometer sits, and by how many s the wrench is late in all; None: nothing was put elsewhere. Raises as
+    `with_motion`.
     """
     if samples.accelerometer is None:
         _require_places(samples)
@@ -163,7 +152,7 @@ def _followed(calibration: Calibration, samples: Samples, stated: Array | None, 
             delay = accelerometer.delay - (found.ahead if is_ahead else 0.0)
             sits, of_rows = mounted_accelerometer(samples, gravity)
             accelerometer = replace(sits, delay=delay, drift=accelerometer.drift)
-    return _Followed(samples, motion, moments, found, accelerometer, late if late != applied else None)
+    return samples, motion, moments, found, accelerometer, late if late != applied else None
 
 
 def _applied(samples: Samples) -> float:

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..calibration.dynamics import turning
 from ..geometry.arrays import Array
-from ..geometry.wrench import cross_matrix
 from ..samples.flange_motion import FlangeMotion
-from ..samples.motion import PRODUCTS
 from ..samples.samples import Samples
 from ..samples.timestamps import spread_evenly
 from .motion_moments import MOTION, ONE, MotionMoments
@@ -116,11 +115,8 @@ def positions_read(calibration: Calibration, samples: Samples, motion: FlangeMot
     rows = inside[np.linspace(0, len(inside) - 1, min(len(inside), ROWS)).astype(int)]
     R, R_sensor_flange = motion.R_base_flange[rows], np.asarray(calibration.R_flange_sensor).T
     force = calibration.compensate(samples.wrench[rows], samples.R_base_flange[rows])[:, :3]
-    W = cross_matrix(motion.angular_acceleration[rows])
-    for term, (i, j) in zip(motion.terms[rows, 3:9].T, PRODUCTS, strict=True):
-        W[:, i, j] += term
-        W[:, j, i] += term * (i != j)
-    W -= np.sum(motion.angular_velocity[rows] ** 2, axis=1)[:, None, None] * np.eye(3)
+    omega = motion.angular_velocity[rows]
+    W = turning(motion.angular_acceleration[rows], omega[:, :, None] * omega[:, None])
     a = np.einsum("nij,nj->ni", R, motion.acceleration[rows])
     of_matrix = np.einsum("ij,nkj,nl->nikl", R_sensor_flange, R, a).reshape(-1, 3, 9)
     columns = -float(calibration.mass or 0.0) * np.concatenate([of_matrix, R_sensor_flange @ W], axis=2).reshape(-1, 12)
