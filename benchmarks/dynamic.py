@@ -16,7 +16,7 @@ import contactwrench as cw
 from contactwrench.calibration.dynamics import elements, inertial_jacobian
 from contactwrench.compensate.contact_wrenches import ContactWrenches, contact_wrenches
 from contactwrench.compensate.delay import delay_of
-from contactwrench.estimation.in_motion import tool_of
+from contactwrench.estimation.priors import tool_of
 from contactwrench.samples.accelerometer import Accelerometer
 from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
 from contactwrench.simulate.trajectory import Push

@@ -17,7 +17,7 @@ from ..calibration.observability import LEVER, natural_jacobian, require_separab
 from ..errors import AmbiguityError, InputError, UnobservableError
 from ..estimation.calibrate import calibrate
 from ..estimation.findings_of_recording import contact_free
-from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
+from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD, tool_of
 from ..estimation.rigid import RIGID_MODELS
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.ranges import POSES
@@ -136,10 +136,7 @@ def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: 
         cal = calibrate(samples, model, gravity=d)
     except (UnobservableError, AmbiguityError) as refusal:
         return replace(assumed, refusal=f"{samples.source}: {refusal}")
-    if cal.weight is None or cal.com is None or cal.R_flange_sensor is None:
-        raise TypeError("a rigid model has a tool")
-    tool = RigidTool(cal.weight, cal.com, cal.bias, cal.R_flange_sensor, cal.gravity_direction)
-    return Expected(tool, cal.noise, samples.source, None, _noise_of_readings(cal.still_noise))
+    return Expected(tool_of(cal), cal.noise, samples.source, None, _noise_of_readings(cal.still_noise))
 
 
 def _noise_of_readings(still: StillNoise | None) -> Array | None:

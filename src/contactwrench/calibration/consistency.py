@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Vector
 from ..geometry.orientation import off_rotation
 from ..geometry.ranges import NOISE_OF_AXIS
-from ..model import PARAMETERS, RigidTool, matrix_jacobian, parameters_of, wrench_matrix, yaw_of_mounting
+from ..model import PARAMETERS, matrix_jacobian, parameters_of, wrench_matrix, yaw_of_mounting
 from ..samples.delay import LONGEST_DELAY, is_significant
 from .dynamics import TERMS, Dynamics, can_exist, inertial_matrix
 from .fields import CalibrationFields
@@ -185,20 +185,19 @@ def _check_affine(c: CalibrationFields) -> None:
 
 
 def _check_rigid(c: CalibrationFields) -> None:
-    if c.weight is None or c.mass is None or c.com is None or c.R_flange_sensor is None or c.yaw is None:
+    if (tool := c.rigid_tool) is None or c.mass is None or c.yaw is None:
         raise InputError(f"model {c.model} lacks weight, mass, com, R_flange_sensor or yaw, expected numbers")
-    _require_rotation("R_flange_sensor", c.R_flange_sensor)
-    _require_shape("com", c.com, (3,))
-    tool = RigidTool(c.weight, c.com, c.bias, c.R_flange_sensor, c.gravity_direction)
+    _require_rotation("R_flange_sensor", tool.R_flange_sensor)
+    _require_shape("com", tool.com, (3,))
     _require_near("B", c.B, wrench_matrix(tool), "weight, com, bias and R_flange_sensor")
-    if not (c.weight > 0.0 and c.mass > 0.0):
-        raise InputError(f"weight is {c.weight:g} N and mass {c.mass:g} kg, expected numbers above 0")
+    if not (tool.weight > 0.0 and c.mass > 0.0):
+        raise InputError(f"weight is {tool.weight:g} N and mass {c.mass:g} kg, expected numbers above 0")
     g = c.provenance.get("g")
     if isinstance(g, float):
-        _require_near("weight", c.weight, c.mass * g, "mass and g")
+        _require_near("weight", tool.weight, c.mass * g, "mass and g")
     if c.weight_z is not None:
-        _require_near("weight_z", c.weight_z, c.weight, "weight")
-    turned = c.yaw - yaw_of_mounting(c.R_flange_sensor)[0]
+        _require_near("weight_z", c.weight_z, tool.weight, "weight")
+    turned = c.yaw - yaw_of_mounting(tool.R_flange_sensor)[0]
     _require_near("yaw", np.exp(1j * turned), 1.0, "R_flange_sensor")
     _require_near(
         "parameters", c.parameters, parameters_of(tool, c.yaw, c.parameter_names), "weight, com, bias and yaw"
@@ -207,7 +206,7 @@ def _check_rigid(c: CalibrationFields) -> None:
 
 
 def _check_dynamics(c: CalibrationFields, d: Dynamics) -> None:
-    if c.weight is None or c.mass is None or c.com is None or c.R_flange_sensor is None:
+    if (tool := c.rigid_tool) is None or c.mass is None:
         raise InputError(f"model {c.model} has dynamics and no tool, expected a rigid model")
     for name in ("seconds", "bandwidth"):
         if not getattr(d, name) >= 0.0:
@@ -223,7 +222,6 @@ def _check_dynamics(c: CalibrationFields, d: Dynamics) -> None:
         raise InputError("dynamics.inertia is that of no body, expected symmetric, with moments of inertia of a body")
     whole = d.with_covariance(c.covariance)
     _require_covariance("dynamics.covariance, with_parameters and covariance", whole)
-    tool = RigidTool(c.weight, c.com, c.bias, c.R_flange_sensor, c.gravity_direction)
     matrix = inertial_matrix(tool, c.mass, d.inertia, d.sensor_offset)
     _require_near("dynamics.matrix", d.matrix, matrix, "mass, com, R_flange_sensor, inertia and sensor_offset")
 

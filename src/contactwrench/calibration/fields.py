@@ -194,7 +194,7 @@ class CalibrationFields(Frozen, WithFindings):
         """What a motion adds to the covariance (n, 6, 6) of contact wrenches at orientations (n, 3, 3). Where it was
         guessed, beside a gap, that is all of what the inertia does.
         """
-        tool, dynamics = self._rigid_tool, self.dynamics
+        tool, dynamics = self.rigid_tool, self.dynamics
         if tool is None or self.mass is None or dynamics is None:
             return np.zeros((len(R_base_flange), 6, 6))
         of_rest, of_tool = self.free_wrench_jacobian(R_base_flange), (self.parameter_names, self.covariance)
@@ -205,7 +205,7 @@ class CalibrationFields(Frozen, WithFindings):
 
     def covariance_of_terms(self) -> Array:
         """Of each axis the covariance (6, 12, 12) of what it shows of a motion's terms; zero without inertia."""
-        tool, dynamics = self._rigid_tool, self.dynamics
+        tool, dynamics = self.rigid_tool, self.dynamics
         if tool is None or self.mass is None or dynamics is None:
             return np.zeros((6, 12, 12))
         return matrix_covariance(tool, self.mass, dynamics, self.parameter_names, self.covariance)
@@ -222,11 +222,11 @@ class CalibrationFields(Frozen, WithFindings):
     @cached_property
     def error_covariance(self) -> Array:
         """Covariance of `error_names`."""
-        if self.gain_covariance is None or self._rigid_tool is None:
+        if self.gain_covariance is None or self.rigid_tool is None:
             return self.covariance
         turns = self._rotations
         to_errors = np.zeros((24 + len(turns), len(self.parameter_names)))
-        to_errors[:24] = matrix_jacobian(self._rigid_tool, self.parameter_names)
+        to_errors[:24] = matrix_jacobian(self.rigid_tool, self.parameter_names)
         to_errors[24:, [self.parameter_names.index(name) for name in turns]] = np.eye(len(turns))
         total = to_errors @ self.covariance @ to_errors.T
         unit = np.sqrt(np.diag(total) + 1e-30)
@@ -248,12 +248,13 @@ class CalibrationFields(Frozen, WithFindings):
 
     def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
         """Derivative (n, 6, p) of the free wrench with respect to `parameters`, for orientations (n, 3, 3)."""
-        if self._rigid_tool is None:
+        if self.rigid_tool is None:
             return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
-        return wrench_jacobian(self._rigid_tool, R_base_flange, self.parameter_names)
+        return wrench_jacobian(self.rigid_tool, R_base_flange, self.parameter_names)
 
     @cached_property
-    def _rigid_tool(self) -> RigidTool | None:
+    def rigid_tool(self) -> RigidTool | None:
+        """Weight, centre of mass, bias, mounting and gravity in one; None of `affine`."""
         if self.weight is None or self.com is None or self.R_flange_sensor is None:
             return None
         return RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)

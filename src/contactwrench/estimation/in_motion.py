@@ -13,7 +13,6 @@ from ..calibration.findings import Kind, Severity
 from ..errors import InputError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.ranges import ON_FLANGE
-from ..model import RigidTool
 from ..samples.accelerometer import Accelerometer, delay_behind, mounted_accelerometer, without_drift
 from ..samples.delay import is_significant
 from ..samples.flange_motion import SLOWEST, FlangeMotion, flange_motion
@@ -24,6 +23,7 @@ from ..samples.timestamps import spread_evenly
 from .dynamic import NO_ROWS, SHAKEN_STD, UNKNOWN_STD, Moved, moved
 from .findings_of_motion import of_delay, of_motion, of_positions, of_rate
 from .motion_moments import FLAT, MotionMoments, motion_moments
+from .priors import tool_of
 from .rigidity import positions_read
 
 ALIGNED, LEAST_LATE = 3, 2e-4
@@ -198,14 +198,6 @@ def with_earlier_inertia(calibration: Calibration, earlier: Calibration) -> Cali
     untold = (finding for finding in earlier.findings if finding.kind is Kind.UNTOLD_BY_MOTION)
     dynamics = replace(known, matrix=matrix, with_parameters=apart)
     return replace(calibration, dynamics=dynamics, findings=(*calibration.findings, *untold))
-
-
-def tool_of(calibration: Calibration) -> RigidTool:
-    """The tool of a calibration. Raises `InputError` where the model has none."""
-    if calibration.weight is None or calibration.com is None or calibration.R_flange_sensor is None:
-        raise InputError(f"model {calibration.model} has no tool, expected a rigid model: auto, mount or mount+base")
-    parts = calibration.weight, calibration.com, calibration.bias, calibration.R_flange_sensor
-    return RigidTool(*parts, calibration.gravity_direction)
 
 
 def as_stamped(samples: Samples, calibration: Calibration | None = None) -> Samples:

@@ -248,12 +248,12 @@ def provenance_of(prior: Calibration) -> dict[str, str]:
 
 
 def tool_of(prior: Calibration) -> RigidTool:
-    """The tool of an earlier calibration. Raises `InputError` for `affine`."""
-    if prior.weight is None or prior.com is None or prior.R_flange_sensor is None:
+    """The tool of a calibration. Raises `InputError` for `affine`, which only an earlier one may be."""
+    if prior.rigid_tool is None:
         raise InputError(
             "the prior is a calibration of model affine, expected a rigid tool: calibrate with another model"
         )
-    return RigidTool(prior.weight, prior.com, prior.bias, prior.R_flange_sensor, prior.gravity_direction)
+    return prior.rigid_tool
 
 
 def known_of(prior: Calibration, rows: int) -> tuple[Knowledge, StatedNoise]:

@@ -4,6 +4,8 @@ contact wrench is where a program cannot express all of a calibration.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -34,15 +36,13 @@ def rigid_tool(calibration: Calibration, setup: Setup, target: str) -> RigidTool
     Raises:
         InputError: the model has no mass.
     """
-    c = calibration
-    if c.weight is None or c.com is None or c.R_flange_sensor is None:
+    if (tool := calibration.rigid_tool) is None:
         without = "" if setup.tool_mass is None else ", without --tool-mass"
         raise InputError(
-            f"{target} takes a mass and a centre of mass, found model {c.model}, which has none: calibrate with "
-            f"--model auto, or export B itself with --to c, python or matlab{without}"
+            f"{target} takes a mass and a centre of mass, found model {calibration.model}, which has none: calibrate "
+            f"with --model auto, or export B itself with --to c, python or matlab{without}"
         )
-    weight = c.weight if setup.tool_mass is None else setup.tool_mass * c.g
-    return RigidTool(weight, c.com, c.bias, c.R_flange_sensor, c.gravity_direction)
+    return tool if setup.tool_mass is None else replace(tool, weight=setup.tool_mass * calibration.g)
 
 
 def sensor_offset(setup: Setup, target: str) -> Vector:
