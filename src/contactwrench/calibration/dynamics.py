@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from ..model import LINEAR_PARAMETERS, MOUNT, RigidTool
 from ..samples.accelerometer import Accelerometer
 from ..samples.flange_motion import FlangeMotion
 from ..samples.motion import PRODUCTS
+
+if TYPE_CHECKING:
+    from .fields import CalibrationFields
 
 LEAST_SIZE = 1e-4
 """m: a tool is no smaller in any direction."""
@@ -187,6 +191,13 @@ def equal_ellipsoid(mass: float, inertia: Array, covariance: Array) -> Ellipsoid
     return Ellipsoid(axes, moments, moment_std, semi_axes, low, high)
 
 
+def turning(alpha: Array, products: Array) -> Array:
+    """W (k, 3, 3): the acceleration of a point of a turning body from its place, of its angular acceleration (k, 3)
+    and the products omega omega^T (k, 3, 3) of its angular velocity.
+    """
+    return np.asarray(cross_matrix(alpha) + products - np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3))
+
+
 def inertial_matrix(tool: RigidTool, mass: float, inertia: Array, sensor_offset: Array) -> Array:
     """D (6, 12), N and N m for each unit of `terms`; `mass` kg, the rest as in `Dynamics`."""
     force, alpha, _, products = _unit_motions(tool, mass, sensor_offset)
@@ -219,45 +230,41 @@ def inertial_jacobian(
     return J
 
 
-def matrix_covariance(
-    tool: RigidTool, mass: float, dynamics: Dynamics, names: tuple[str, ...], of_tool: Array
-) -> Array:
-    """Covariances (6, 12, 12) of the rows of D, with that of the tool's parameters `names`, `of_tool` (p, p)."""
-    J = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names).transpose(1, 0, 2)
-    return J @ dynamics.with_covariance(of_tool) @ J.transpose(0, 2, 1)
-
-
-def covariance_in_motion(
-    tool: RigidTool,
-    mass: float,
-    dynamics: Dynamics,
-    names: tuple[str, ...],
-    covariance: Array,
-    of_rest: Array,
-    motion: FlangeMotion,
-) -> Array:
-    """What a motion adds to the covariance (n, 6, 6) of a contact wrench: the inertia's part, and what shakes.
-
-    Args:
-        tool: with its `mass`, kg, and its `dynamics`.
-        names: of its parameters, p.
-        covariance: of these (p, p).
-        of_rest: derivative (n, 6, p) of the free wrench at rest.
-        motion: of n moments.
+def covariance_of_terms(c: CalibrationFields) -> Array:
+    """Of each axis the covariance (6, 12, 12) of what it shows of a motion's terms, by its row of D; zero without
+    inertia.
     """
+    if c.rigid_tool is None or c.mass is None or c.dynamics is None:
+        return np.zeros((6, TERMS, TERMS))
+    place = c.dynamics.inertia, c.dynamics.sensor_offset
+    J = inertial_jacobian(c.rigid_tool, c.mass, *place, c.parameter_names).transpose(1, 0, 2)
+    return J @ c.dynamics.with_covariance(c.covariance) @ J.transpose(0, 2, 1)
+
+
+def covariance_in_motion(c: CalibrationFields, R_base_flange: Array, motion: FlangeMotion) -> Array:
+    """What a motion adds to the covariance (n, 6, 6) of contact wrenches at orientations (n, 3, 3): the inertia's part,
+    and what shakes; zero without inertia. Where the motion was guessed, beside a gap, that is all of what the inertia
+    does.
+    """
+    tool, dynamics = c.rigid_tool, c.dynamics
+    if tool is None or c.mass is None or dynamics is None:
+        return np.zeros((len(R_base_flange), 6, 6))
     require_same_place(dynamics, motion)
-    of_terms = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names)
+    of_terms = inertial_jacobian(tool, c.mass, dynamics.inertia, dynamics.sensor_offset, c.parameter_names)
     J = (motion.terms @ of_terms.reshape(TERMS, -1)).reshape(-1, *of_terms.shape[1:])
-    of_tool, own = J[:, :, : len(names)], J[:, :, len(names) :]
-    half = (0.5 * of_tool + of_rest) @ covariance @ of_tool.transpose(0, 2, 1)
+    of_tool, own = np.split(J, [len(c.parameter_names)], axis=2)
+    of_rest = c.free_wrench_jacobian(R_base_flange)
+    half = (0.5 * of_tool + of_rest) @ c.covariance @ of_tool.transpose(0, 2, 1)
     half += 0.5 * own @ dynamics.covariance @ own.transpose(0, 2, 1)
     half += own @ dynamics.with_parameters @ (of_rest + of_tool).transpose(0, 2, 1)
     total: Array = half + half.transpose(0, 2, 1)
     force, torque = dynamics.motion_noise**2 @ motion.stirred.T
-    of_tool = force / mass**2 + (0.0 if dynamics.accelerometer is None else dynamics.accelerometer.noise**2)
+    variance = force / c.mass**2 + (0.0 if dynamics.accelerometer is None else dynamics.accelerometer.noise**2)
     of_acceleration = dynamics.matrix[:, ACCELERATION]
-    total += of_tool[:, None, None] * (of_acceleration @ of_acceleration.T)
+    total += variance[:, None, None] * (of_acceleration @ of_acceleration.T)
     total[:, range(3, 6), range(3, 6)] += torque[:, None]
+    exerted = np.hypot(dynamics.static_rms, motion.terms @ dynamics.matrix.T)
+    total[:, range(6), range(6)] += np.where(motion.inside[:, None], 0.0, exerted**2)
     return total
 
 
@@ -268,13 +275,6 @@ def _unit_motions(tool: RigidTool, mass: float, sensor_offset: Array) -> tuple[A
     of_origin = (_UNIT_ACCELERATION + W @ sensor_offset) @ R_flange_sensor
     W, products = (R_flange_sensor.T @ each @ R_flange_sensor for each in (W, _UNIT_PRODUCTS))
     return -mass * (of_origin + W @ tool.com), _UNIT_ALPHA @ R_flange_sensor, W, products
-
-
-def turning(alpha: Array, products: Array) -> Array:
-    """W (k, 3, 3): the acceleration of a point of a turning body from its place, of its angular acceleration (k, 3)
-    and the products omega omega^T (k, 3, 3) of its angular velocity.
-    """
-    return np.asarray(cross_matrix(alpha) + products - np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3))
 
 
 def _spin(inertia: Array, alpha: Array, products: Array) -> Array:

@@ -31,7 +31,7 @@ from ..samples.flange_motion import FlangeMotion
 from ..samples.poses import Pose, PoseMoments
 from ..samples.still_noise import StillNoise
 from .alternative import Alternative
-from .dynamics import Dynamics, Ellipsoid, covariance_in_motion, equal_ellipsoid, matrix_covariance
+from .dynamics import Dynamics, Ellipsoid, covariance_in_motion, equal_ellipsoid
 from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity, WithFindings
 from .observability import Observability
 
@@ -186,29 +186,9 @@ class CalibrationFields(Frozen, WithFindings):
             rows = slice(start, start + ROWS_AT_ONCE)
             variance[rows] = self._variances(R[rows])
             if motion is not None:
-                variance[rows] += np.einsum("nii->ni", self.covariance_in_motion(R[rows], motion.select(rows)))
+                variance[rows] += np.einsum("nii->ni", covariance_in_motion(self, R[rows], motion.select(rows)))
         std: Array = np.sqrt(np.maximum(variance, 0.0))
         return std[0] if single else std
-
-    def covariance_in_motion(self, R_base_flange: Array, motion: FlangeMotion) -> Array:
-        """What a motion adds to the covariance (n, 6, 6) of contact wrenches at orientations (n, 3, 3). Where it was
-        guessed, beside a gap, that is all of what the inertia does.
-        """
-        tool, dynamics = self.rigid_tool, self.dynamics
-        if tool is None or self.mass is None or dynamics is None:
-            return np.zeros((len(R_base_flange), 6, 6))
-        of_rest, of_tool = self.free_wrench_jacobian(R_base_flange), (self.parameter_names, self.covariance)
-        total = covariance_in_motion(tool, self.mass, dynamics, *of_tool, of_rest, motion)
-        exerted = np.hypot(dynamics.static_rms, motion.terms @ dynamics.matrix.T)
-        total[:, range(6), range(6)] += np.where(motion.inside[:, None], 0.0, exerted**2)
-        return total
-
-    def covariance_of_terms(self) -> Array:
-        """Of each axis the covariance (6, 12, 12) of what it shows of a motion's terms; zero without inertia."""
-        tool, dynamics = self.rigid_tool, self.dynamics
-        if tool is None or self.mass is None or dynamics is None:
-            return np.zeros((6, 12, 12))
-        return matrix_covariance(tool, self.mass, dynamics, self.parameter_names, self.covariance)
 
     @property
     def error_names(self) -> tuple[str, ...]:

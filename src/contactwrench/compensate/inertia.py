@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.dynamics import ACCELERATION
+from ..calibration.dynamics import ACCELERATION, covariance_of_terms
 from ..geometry.arrays import Array
 from ..samples.flange_motion import FlangeMotion
 from .acceleration import feel, take_reading, use_accelerometer
@@ -62,7 +62,7 @@ def use_inertia(s: State, calibration: Calibration, sensor_filter: LowPass | Non
         s.shaken_by = np.sum(calibration.dynamics.matrix[:, ACCELERATION] ** 2, axis=1).tolist()
         force, torque = calibration.dynamics.motion_noise
         s.shaking = np.square([force / calibration.mass, torque]).tolist()
-        of_units = calibration.covariance_of_terms()
+        of_units = covariance_of_terms(calibration)
         s.uncertain = [[3.0 * float(np.linalg.eigvalsh(C[kind, kind])[-1]) for kind in KINDS] for C in of_units]
         use_accelerometer(s, calibration, sensor_filter)
 

@@ -15,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..calibration.dynamics import covariance_in_motion
 from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
@@ -234,8 +235,7 @@ def _paired(
         by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
         note(f"the wrench is taken to be stamped {by} than the orientation, {whose}")
     every_row = batches(path, options, advance=advance, every=True, **_at_once(calibration))
-    recording = _telling(every_row, path, options, note)
-    parts = synchronized(order.listening(recording), delay)
+    parts = synchronized(order.listening(_telling(every_row, path, options, note)), delay)
     begun = list(islice(parts, 2))
     compensator, standing, off = None, Standing(), OffThroughout(calibration)
     in_doubt = InDoubt(calibration.with_gravity(treatment.gravity))
@@ -281,7 +281,7 @@ def _of_samples(
     if frame != "sensor" or point is not None:
         covariance = np.asarray(rows.covariance)[rows.covariance_of]
         if motion is not None:
-            covariance += there.covariance_in_motion(samples.R_base_flange, motion)
+            covariance += covariance_in_motion(there, samples.R_base_flange, motion)
         covariance[:, range(6), range(6)] = np.fmax(np.einsum("nii->ni", covariance), rows.std**2)  # what a delay adds
         wrench, std = in_axes(calibration, samples.R_base_flange, wrench, covariance, frame, point)
         std = np.where(np.isfinite(rows.std), std, np.nan)
