@@ -15,11 +15,8 @@ import contactwrench as cw
 from contactwrench.calibration.findings import Kind
 from contactwrench.errors import AmbiguityError, InputError
 from contactwrench.estimation.priors import (
-    known_com,
-    known_gravity,
-    known_mounting,
+    known_as,
     known_of,
-    known_weight,
     nominal_mounting,
     tool_of,
 )
@@ -262,10 +259,10 @@ def test_derivatives_of_what_is_known_are_those_of_finite_differences() -> None:
     earlier, (of_earlier, _) = tool_of(prior), known_of(prior, rows=1)
     pieces = (
         of_earlier,
-        known_weight(3.0, 0.1),
-        known_com(rig.com, np.array([0.1, 0.2, 0.3])),
-        known_mounting(rig.R_flange_sensor, np.array([0.1, 0.2, 0.3])),
-        known_gravity(rig.down, 0.1),
+        known_as("weight", 3.0, 0.1),
+        known_as("com", rig.com, np.array([0.1, 0.2, 0.3])),
+        known_as("mount", rig.R_flange_sensor, np.array([0.1, 0.2, 0.3])),
+        known_as("gravity", rig.down, 0.1),
         nominal_mounting(0.1),
     )
     tool = stepped(earlier, 0.2 * rng.normal(size=len(names)), names)

@@ -12,10 +12,7 @@ import contactwrench as cw
 from contactwrench.estimation.priors import (
     Knowledge,
     earlier_calibration,
-    known_com,
-    known_gravity,
-    known_mounting,
-    known_weight,
+    known_as,
     nominal_mounting,
 )
 from contactwrench.model import PARAMETERS, RigidTool, stepped
@@ -36,10 +33,10 @@ def _pieces(tool: RigidTool, rng: np.random.Generator) -> dict[str, Knowledge]:
     other = stepped(tool, 0.03 * rng.normal(size=len(NAMES)), NAMES)
     factor = rng.normal(size=(9, 9))
     return {
-        "weight": known_weight(other.weight, 0.1),
-        "com": known_com(other.com, np.array([0.001, 0.002, 0.003])),
-        "mounting": known_mounting(other.R_flange_sensor, np.array([0.01, 0.02, 0.03])),
-        "gravity": known_gravity(other.gravity_direction, 0.01),
+        "weight": known_as("weight", other.weight, 0.1),
+        "com": known_as("com", other.com, np.array([0.001, 0.002, 0.003])),
+        "mounting": known_as("mount", other.R_flange_sensor, np.array([0.01, 0.02, 0.03])),
+        "gravity": known_as("gravity", other.gravity_direction, 0.01),
         "nominal mounting": nominal_mounting(0.02),
         "earlier, at it": earlier_calibration(tool, factor @ factor.T + np.eye(9)),
     }

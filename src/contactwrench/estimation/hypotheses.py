@@ -15,7 +15,7 @@ import numpy as np
 from ..model import RigidTool, all_but_the_bias
 from .least_squares import Priors
 from .noise import ALIKE, AXES
-from .priors import EXACT_TILT_SD, PriorRows, Question, nominal, rows_of
+from .priors import EXACT_TILT_SD, PriorRows, Question, rows_of
 
 PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
 """Of (mounting, base) exactly nominal: in four of ten cells both, in three neither."""
@@ -47,7 +47,7 @@ class Hypothesis:
 def hypotheses_of(question: Question, any_mounting: bool, any_base: bool) -> tuple[Hypothesis, ...]:
     """Those to which a fit belongs whose mounting, or base, was looked for anywhere, the widest last."""
     tilts = [Hypothesis(None, None, (False, False), 0.0)]
-    if question.model == "auto" and question.earlier is None:
+    if question.nominal:
         area, sides = np.log(4.0 * np.pi), np.log(2.0 * np.pi)
         of_mount = _options(question.priors.mount, any_mounting, ANY_MOUNTING, area, area)
         of_base = _options(question.priors.base, any_base, ANY_BASE, sides, sides)
@@ -75,12 +75,8 @@ def _options(
 
 
 def known_at(tool: RigidTool, names: tuple[str, ...], question: Question) -> PriorRows:
-    """What is known of the parameters but the bias, and of `auto` what is nominal, linearised at `tool`: standard
-    deviations of 1 m and 1 rad for the latter.
-    """
-    auto = question.model == "auto" and question.earlier is None
-    pieces = (*question.knowledge, nominal(question.gravity_direction)) if auto else question.knowledge
-    known = rows_of(pieces, tool, names)
+    """What is known of the parameters but the bias, and what is nominal, linearised at `tool`."""
+    known = rows_of((*question.knowledge, *question.nominal), tool, names)
     return PriorRows(known.residuals, known.jacobian[:, all_but_the_bias(names)])
 
 
@@ -91,7 +87,7 @@ def priors_at(
     known, h = known_at(tool, names, question), len(hypotheses)
     J = known.jacobian
     precision, of_volume = np.ones((h, len(J))), np.zeros((h, J.shape[1], J.shape[1]))
-    if question.model == "auto" and question.earlier is None:
+    if question.nominal:
         tilts = np.array([[0.0 if sd is None else sd**-2.0 for sd in (each.mount, each.base)] for each in hypotheses])
         precision[:, -7:-4] = 1.0 / (COM_SD**2 + float(tool.com @ tool.com))
         precision[:, -4:] = np.repeat(tilts, 2, axis=1)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -81,6 +82,16 @@ class Question:
     knowledge: tuple[Knowledge, ...] = ()
     earlier: Calibration | None = None
 
+    @cached_property
+    def nominal(self) -> tuple[Knowledge, ...]:
+        """That the centre of mass is the sensor's, and mounting and base are not tilted, with standard deviations of
+        1 m and 1 rad, (7) rows: of `auto` beside no earlier calibration, else nothing.
+        """
+        if self.model != "auto" or self.earlier is not None:
+            return ()
+        com, down = known_as("com", np.zeros(3), 1.0), known_as("gravity", self.gravity_direction, 1.0)
+        return com, nominal_mounting(1.0), down
+
 
 @dataclass(frozen=True, eq=False)
 class KnownTool:
@@ -106,29 +117,15 @@ class KnownTool:
         return PriorRows(self.value + self.whitener @ back, self.whitener @ jacobian)
 
 
-def known_weight(weight: float, std: ArrayLike) -> Knowledge:
-    """The weight (N), from a scale."""
-    return KnownTool(replace(ANY_TOOL, weight=float(weight)), _in_std(WEIGHT, std))
-
-
-def known_com(com: Array, std: ArrayLike) -> Knowledge:
-    """The centre of mass (3,) m, sensor frame, from a drawing; `std` m, one or (3,)."""
-    return KnownTool(replace(ANY_TOOL, com=com), _in_std(COM, std))
-
-
-def known_mounting(R_flange_sensor: Array, std: ArrayLike) -> Knowledge:
-    """The mounting (3, 3); `std` rad, one or (3,), of small rotations about the sensor's axes."""
-    return KnownTool(replace(ANY_TOOL, R_flange_sensor=R_flange_sensor), _in_std(MOUNTING, std))
-
-
-def known_gravity(gravity_direction: Array, std: ArrayLike) -> Knowledge:
-    """The direction of gravity (3,) in base axes; `std` rad about either horizontal axis."""
-    return KnownTool(replace(ANY_TOOL, gravity_direction=gravity_direction), _in_std(DOWN, std))
-
-
-def _in_std(coordinates: slice, std: ArrayLike) -> Array:
-    rows: Array = np.eye(9)[coordinates]
-    return rows / np.broadcast_to(np.asarray(std, dtype=np.float64), len(rows))[:, None]
+def known_as(name: str, value: Any, std: ArrayLike) -> Knowledge:
+    """One of `KNOWABLE`, as it is stated: the `weight` N, from a scale; the `com` (3,) m, sensor frame, from a drawing;
+    the `mount`, R_flange_sensor (3, 3), whose std, rad, is of small rotations about the sensor's axes; the direction of
+    `gravity` (3,), base axes, whose std, rad, is about either horizontal axis.
+    """
+    field, coordinates, *_ = KNOWABLE[name]
+    rows = np.eye(9)[coordinates]
+    whitener = rows / np.broadcast_to(np.asarray(std, dtype=np.float64), len(rows))[:, None]
+    return KnownTool(replace(ANY_TOOL, **{field: value}), whitener)
 
 
 def nominal_mounting(std: float) -> Knowledge:
@@ -139,22 +136,6 @@ def nominal_mounting(std: float) -> Knowledge:
     def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
         flange_z = tool.R_flange_sensor[2]
         return PriorRows(-flange_z[:2] / std, cross_matrix(flange_z)[:2] @ mounting_turn(names) / std)
-
-    return rows
-
-
-def nominal(gravity_direction: Array) -> Knowledge:
-    """That the centre of mass is the sensor's, and mounting and base are not tilted, with standard deviations of 1 m
-    and 1 rad; (7) rows.
-    """
-    mounting = nominal_mounting(1.0)
-
-    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        of_mounting = mounting(tool, names)
-        turn, derivative = _turn_of_gravity(gravity_direction, tool.gravity_direction)
-        jacobian = np.zeros((7, len(names)))
-        jacobian[:3, 1:4], jacobian[3:5], jacobian[5:, -2:] = np.eye(3), of_mounting.jacobian, derivative
-        return PriorRows(np.concatenate([-tool.com, of_mounting.residuals, -turn]), jacobian)
 
     return rows
 
@@ -221,8 +202,8 @@ def stated_knowledge(known: Mapping[str, tuple[Any, Any]]) -> tuple[Knowledge, .
             value, std = pair
         except (TypeError, ValueError):
             raise InputError(f"known {name} is {pair!r}, expected a pair: the value and its std") from None
-        of_value, knowledge, within, of_std = KNOWABLE[name]
-        pieces.append(knowledge(of_value(value), within.require(std, f"std of known {name}", *of_std)))
+        _, _, of_value, within, shapes = KNOWABLE[name]
+        pieces.append(known_as(name, of_value(value), within.require(std, f"std of known {name}", *shapes)))
     return tuple(pieces)
 
 
@@ -230,16 +211,13 @@ def _mounting(value: ArrayLike) -> Array:
     return np.asarray(nearest_rotations(ranges.ENTRY.require(value, "known mount", (3, 3))[None])[0])
 
 
-KNOWABLE: dict[
-    str, tuple[Callable[[Any], Any], Callable[[Any, Array], Knowledge], ranges.Range, tuple[tuple[int, ...], ...]]
-]
-KNOWABLE = {
-    "weight": (lambda value: ranges.WEIGHT.require(value, "known weight"), known_weight, ranges.WEIGHT_STD, ((),)),
-    "com": (lambda value: ranges.POINT.require(value, "known com", (3,)), known_com, ranges.POINT_STD, ((), (3,))),
-    "mount": (_mounting, known_mounting, ranges.TILT_STD, ((), (3,))),
-    "gravity": (lambda value: unit_direction(value, "known gravity"), known_gravity, ranges.TILT_STD, ((),)),
+KNOWABLE: dict[str, tuple[str, slice, Callable[[Any], Any], ranges.Range, tuple[tuple[int, ...], ...]]] = {
+    "weight": ("weight", WEIGHT, lambda x: float(ranges.WEIGHT.require(x, "known weight")), ranges.WEIGHT_STD, ((),)),
+    "com": ("com", COM, lambda x: ranges.POINT.require(x, "known com", (3,)), ranges.POINT_STD, ((), (3,))),
+    "mount": ("R_flange_sensor", MOUNTING, _mounting, ranges.TILT_STD, ((), (3,))),
+    "gravity": ("gravity_direction", DOWN, lambda x: unit_direction(x, "known gravity"), ranges.TILT_STD, ((),)),
 }
-"""What may be known: how its value is read, the knowledge that it is, and what its std may be."""
+"""What may be known: the field of a tool that it is, its `COORDINATES`, how its value is read, what its std may be."""
 
 
 def provenance_of(prior: Calibration) -> dict[str, str]:

@@ -45,7 +45,7 @@ from .priors import (
     PriorRows,
     Question,
     TiltPriors,
-    known_gravity,
+    known_as,
     known_rotations,
     nominal_mounting,
     stated_knowledge,
@@ -179,7 +179,7 @@ class _Sharing:
             if "mount" not in self.names and priors.mount is not None and beliefs.any_mounting < 0.5:
                 pieces.append(nominal_mounting(priors.mount))
             if "gravity" not in self.names and priors.base is not None and beliefs.any_base < 0.5:
-                pieces.append(known_gravity(self.question.gravity_direction, priors.base))
+                pieces.append(known_as("gravity", self.question.gravity_direction, priors.base))
         return tuple(pieces)
 
 
