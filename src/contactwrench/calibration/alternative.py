@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ..geometry.arrays import Array, Frozen, Matrix, Vector
+from ..geometry.arrays import Array, Frozen, Matrix, Vector, shaped
 from ..geometry.rotations import spread_rotations
 from ..model import free_wrench, gravity_in_flange
 
@@ -27,8 +27,8 @@ class Alternative(Frozen):
     weight_std: float | None
     force_left: float
     torque_left: float
-    B: Matrix
-    gravity_direction: Vector
+    B: Matrix = field(metadata=shaped(6, 4))
+    gravity_direction: Vector = field(metadata=shaped(3))
 
     def largest_force_change(self, B: Array, gravity_direction: Array) -> float:
         """The largest difference (N) of the contact force over all orientations, a norm, from that of `B`."""

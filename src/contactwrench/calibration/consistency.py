@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..geometry.orientation import off_rotation
 from ..geometry.ranges import NOISE_OF_AXIS
 from ..model import PARAMETERS, matrix_jacobian, parameters_of, wrench_matrix, yaw_of_mounting
 from ..samples.delay import LONGEST_DELAY, is_significant
-from .dynamics import TERMS, Dynamics, can_exist, inertial_matrix
+from .dynamics import Dynamics, can_exist, inertial_matrix
 from .fields import CalibrationFields
 
 B_TOLERANCE = 1e-9
@@ -27,10 +27,6 @@ LARGEST_NUMBER = 1e30
 UNEDITED = "expected a file as it was saved"
 FOLLOWS = ("verdict", "expected_error", "left_of_poses")
 """Properties that are written to the file."""
-NOT_NEGATIVE = (
-    *("residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof", "still_noise.std"),
-    *("dynamics.motion_noise", "dynamics.residual_rms", "dynamics.static_rms"),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +46,14 @@ def require_consistent(c: CalibrationFields, derived: Derived) -> None:
     names = PARAMETERS[c.model]
     if c.parameter_names != names:
         raise InputError(f"parameter_names do not fit model {c.model}, expected {', '.join(names)}")
-    for name, array, shape in _shapes(c):
+    sizes = {"p": len(names), "k": 0 if c.still_noise is None else len(c.still_noise.duration)}
+    of_model = replace(c, dynamics=None) if c.model == "affine" else c
+    for name, array, shape, least in _shapes(of_model, sizes):
         _require_shape(name, array, shape)
-        if array is not None and not (np.abs(array) <= LARGEST_NUMBER).all():
+        if not (np.abs(array) <= LARGEST_NUMBER).all():
             raise InputError(f"{name} has a number beyond 1e30, expected none")
-        if name in NOT_NEGATIVE and array is not None and (array < 0.0).any():
-            raise InputError(f"{name} has a number below 0, expected 0 or more")
+        if least is not None and (array < least).any():
+            raise InputError(f"{name} has a number below {least:g}, expected {least:g} or more")
     if not (c.noise > 0.0).all():
         raise InputError("noise has a number that is not above 0, expected 6 above 0")
     if (c.noise > NOISE_OF_AXIS.most).any():
@@ -87,44 +85,19 @@ def _check_poses(c: CalibrationFields) -> None:
         _require_near("moments.design", m.design[9, 9], float(m.n), "moments.n")
 
 
-def _shapes(c: CalibrationFields) -> Iterator[tuple[str, Array | None, tuple[int, ...]]]:
-    """Every array whose shape the model or the format says, its name, and that shape."""
-    p = len(c.parameter_names)
-    yield from [
-        ("bias", c.bias, (6,)),
-        ("gravity_direction", c.gravity_direction, (3,)),
-        ("B", c.B, (6, 4)),
-        ("B_covariance", c.B_covariance, (24, 24)),
-        ("parameters", c.parameters, (p,)),
-        ("covariance", c.covariance, (p, p)),
-        ("noise", c.noise, (6,)),
-        ("residual_rms", c.residual_rms, (6,)),
-        ("observability.tilt_range", c.observability.tilt_range, (2,)),
-        ("parameter_dof", c.parameter_dof, (p,)),
-        ("held_out_rms", c.held_out_rms, (6,)),
-        ("gain_covariance", c.gain_covariance, (24, 24)),
-    ]
-    for k, other in enumerate(c.alternatives):
-        yield f"alternatives[{k}].B", other.B, (6, 4)
-        yield f"alternatives[{k}].gravity_direction", other.gravity_direction, (3,)
-    if c.still_noise is not None:
-        yield "still_noise.std", c.still_noise.std, (len(c.still_noise.duration), 6)
-    if c.moments is not None:
-        yield "moments.design", c.moments.design, (10, 10)
-        yield "moments.cross", c.moments.cross, (10, 6)
-        yield "moments.wrench", c.moments.wrench, (6, 6)
-    for k, pose in enumerate(c.poses):
-        yield f"poses[{k}].wrench", pose.wrench, (6,)
-        yield f"poses[{k}].wrench_cov", pose.wrench_cov, (6, 6)
-    if (d := c.dynamics) is not None and c.model != "affine":
-        yield "dynamics.matrix", d.matrix, (6, TERMS)
-        yield "dynamics.inertia", d.inertia, (3, 3)
-        yield "dynamics.sensor_offset", d.sensor_offset, (3,)
-        yield "dynamics.covariance", d.covariance, (9, 9)
-        yield "dynamics.with_parameters", d.with_parameters, (9, p)
-        yield "dynamics.motion_noise", d.motion_noise, (2, 2)
-        yield "dynamics.residual_rms", d.residual_rms, (6,)
-        yield "dynamics.static_rms", d.static_rms, (6,)
+def _shapes(
+    part: Any, sizes: dict[str, int], where: str = ""
+) -> Iterator[tuple[str, Array, tuple[int, ...], float | None]]:
+    """Every array whose shape its field says, of all parts, too: its name, that shape, and the least of its numbers."""
+    for each in fields(part):
+        name, value = f"{where}{each.name}", getattr(part, each.name)
+        if "shape" in each.metadata and value is not None:
+            yield name, value, tuple(sizes.get(n, n) for n in each.metadata["shape"]), each.metadata["least"]
+        elif is_dataclass(value):
+            yield from _shapes(value, sizes, f"{name}.")
+        elif isinstance(value, tuple):
+            for k, one in enumerate(value):
+                yield from _shapes(one, sizes, f"{name}[{k}].") if is_dataclass(one) else ()
 
 
 def _require_shape(name: str, array: Array | None, shape: tuple[int, ...]) -> None:
@@ -133,7 +106,6 @@ def _require_shape(name: str, array: Array | None, shape: tuple[int, ...]) -> No
 
 
 def _require_rotation(name: str, R: Array) -> None:
-    _require_shape(name, R, (3, 3))
     deviation, determinant = off_rotation(R.reshape(1, 9))
     if not deviation[0] <= ROTATION_TOLERANCE or determinant[0] < 0.0:
         raise InputError(f"found a matrix {name} that does more or less than turn, expected a rotation")
@@ -188,7 +160,6 @@ def _check_rigid(c: CalibrationFields) -> None:
     if (tool := c.rigid_tool) is None or c.mass is None or c.yaw is None:
         raise InputError(f"model {c.model} lacks weight, mass, com, R_flange_sensor or yaw, expected numbers")
     _require_rotation("R_flange_sensor", tool.R_flange_sensor)
-    _require_shape("com", tool.com, (3,))
     _require_near("B", c.B, wrench_matrix(tool), "weight, com, bias and R_flange_sensor")
     if not (tool.weight > 0.0 and c.mass > 0.0):
         raise InputError(f"weight is {tool.weight:g} N and mass {c.mass:g} kg, expected numbers above 0")
@@ -212,9 +183,6 @@ def _check_dynamics(c: CalibrationFields, d: Dynamics) -> None:
         if not getattr(d, name) >= 0.0:
             raise InputError(f"dynamics.{name} has a number below 0, expected 0 or more")
     if (imu := d.accelerometer) is not None:
-        _require_shape("dynamics.accelerometer.matrix", imu.matrix, (3, 3))
-        _require_shape("dynamics.accelerometer.bias", imu.bias, (3,))
-        _require_shape("dynamics.accelerometer.drift", imu.drift, (3,))
         numbers = np.r_[imu.matrix.ravel(), imu.bias, imu.drift, imu.noise, imu.delay]
         if not (np.abs(numbers) <= LARGEST_NUMBER).all() or not imu.scale > 0.0 or not imu.noise >= 0.0:
             raise InputError("dynamics.accelerometer has numbers that none has, expected a matrix with an inverse")

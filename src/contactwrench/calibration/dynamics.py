@@ -12,14 +12,14 @@ wrench is `B @ [r, 1] + D @ terms`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError
-from ..geometry.arrays import Array, Frozen, Matrix, Vector, read_only
+from ..geometry.arrays import Array, Frozen, Matrix, Vector, read_only, shaped
 from ..geometry.wrench import cross_matrix
 from ..model import LINEAR_PARAMETERS, MOUNT, RigidTool
 from ..samples.accelerometer import Accelerometer
@@ -66,15 +66,15 @@ class Dynamics(Frozen):
         accelerometer: how the one sits that told the accelerations; None: positions did.
     """
 
-    matrix: Matrix
-    inertia: Matrix
-    sensor_offset: Vector
-    covariance: Matrix
-    with_parameters: Matrix
+    matrix: Matrix = field(metadata=shaped(6, TERMS))
+    inertia: Matrix = field(metadata=shaped(3, 3))
+    sensor_offset: Vector = field(metadata=shaped(3))
+    covariance: Matrix = field(metadata=shaped(9, 9))
+    with_parameters: Matrix = field(metadata=shaped(9, "p"))
     bandwidth: float
-    motion_noise: Matrix
-    residual_rms: Vector
-    static_rms: Vector
+    motion_noise: Matrix = field(metadata=shaped(2, 2, least=0.0))
+    residual_rms: Vector = field(metadata=shaped(6, least=0.0))
+    static_rms: Vector = field(metadata=shaped(6, least=0.0))
     seconds: float
     accelerometer: Accelerometer | None = None
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ..geometry.arrays import Array, Frozen, Matrix, ReadOnlyDict, Vector, frozen, read_only
+from ..geometry.arrays import Array, Frozen, Matrix, ReadOnlyDict, Vector, frozen, read_only, shaped
 from ..geometry.orientation import OrientationLike, rotation_matrices
 from ..geometry.rotations import spread_rotations
 from ..geometry.wrench import STANDARD_GRAVITY
@@ -46,19 +46,19 @@ class CalibrationFields(Frozen, WithFindings):
     model: str
     weight: float | None
     mass: float | None
-    com: Vector | None
-    bias: Vector
-    R_flange_sensor: Matrix | None
+    com: Vector | None = field(metadata=shaped(3))
+    bias: Vector = field(metadata=shaped(6))
+    R_flange_sensor: Matrix | None = field(metadata=shaped(3, 3))
     yaw: float | None
-    gravity_direction: Vector
-    B: Matrix
-    B_covariance: Matrix
+    gravity_direction: Vector = field(metadata=shaped(3))
+    B: Matrix = field(metadata=shaped(6, 4))
+    B_covariance: Matrix = field(metadata=shaped(24, 24))
     parameter_names: tuple[str, ...]
-    parameters: Vector
-    covariance: Matrix
-    noise: Vector
-    residual_rms: Vector
-    held_out_rms: Vector | None
+    parameters: Vector = field(metadata=shaped("p"))
+    covariance: Matrix = field(metadata=shaped("p", "p"))
+    noise: Vector = field(metadata=shaped(6))
+    residual_rms: Vector = field(metadata=shaped(6, least=0.0))
+    held_out_rms: Vector | None = field(metadata=shaped(6, least=0.0))
     reduced_chi2: float
     dof: float
     observability: Observability
@@ -68,13 +68,13 @@ class CalibrationFields(Frozen, WithFindings):
     moments: PoseMoments | None
     weight_xy: float | None
     weight_z: float | None
-    parameter_dof: Vector | None = None
+    parameter_dof: Vector | None = field(default=None, metadata=shaped("p", least=0.0))
     assumptions: tuple[str, ...] = ()
     alternatives: Sequence[Alternative] = ()
     delay: float | None = None
     delay_std: float | None = None
     still_noise: StillNoise | None = None
-    gain_covariance: Matrix | None = None
+    gain_covariance: Matrix | None = field(default=None, metadata=shaped(24, 24))
     dynamics: Dynamics | None = None
     orientation_std: float | None = None
 

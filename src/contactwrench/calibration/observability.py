@@ -8,12 +8,12 @@ are those of the whitened Jacobian with columns of unit length.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..errors import UnobservableError
-from ..geometry.arrays import Array, Frozen, Vector
+from ..geometry.arrays import Array, Frozen, Vector, shaped
 from ..geometry.rotations import axes_of_turns
 from ..model import RigidTool, gravity_in_flange, horizontal_axes, wrench_jacobian
 from ..samples.poses import SAME_POSE_ANGLE
@@ -47,7 +47,7 @@ class Observability(Frozen):
     rank: int
     singular_values: Vector
     condition: float
-    tilt_range: Vector
+    tilt_range: Vector = field(metadata=shaped(2, least=0.0))
     trade_offs: tuple[str, ...]
 
 

@@ -116,6 +116,13 @@ def column(*row: int, kind: DTypeLike = np.float64) -> dict[str, Any]:
     return {"row": row, "kind": np.dtype(kind)}
 
 
+def shaped(*shape: int | str, least: float | None = None) -> dict[str, Any]:
+    """Metadata of a field that has an array of that `shape`, of which a letter stands for a size that another field
+    has, and of numbers from `least` on; for what is read from a file.
+    """
+    return {"shape": shape, "least": least}
+
+
 @dataclass(frozen=True, eq=False)
 class Rows(Frozen):
     """A base of frozen tables: fields with the metadata of `column` are copied, read-only, and pair row by row.

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..geometry.arrays import Array, Frozen, Matrix, Rows, Vector, column
+from ..geometry.arrays import Array, Frozen, Matrix, Rows, Vector, column, shaped
 from ..geometry.rotations import rotation_vectors
 from .samples import Samples
 from .synchronize import default_gap
@@ -78,11 +78,11 @@ class Accelerometer(Frozen):
         drift: (3,), m/s^2, by which the bias rose from begin to end of the recording, about the mean.
     """
 
-    matrix: Matrix
-    bias: Vector
+    matrix: Matrix = field(metadata=shaped(3, 3))
+    bias: Vector = field(metadata=shaped(3))
     noise: float
     delay: float = 0.0
-    drift: Vector = field(default_factory=lambda: np.zeros(3))
+    drift: Vector = field(default_factory=lambda: np.zeros(3), metadata=shaped(3))
 
     @property
     def scale(self) -> float:

@@ -7,13 +7,13 @@ Millions of rows at a few orientations are a few poses, and no more.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, Frozen, Matrix, Vector
+from ..geometry.arrays import Array, Frozen, Matrix, Vector, shaped
 from .samples import Samples
 from .still_noise import covariances_of_means
 
@@ -37,9 +37,9 @@ class Pose(Frozen):
     `rejected` the reason why the pose is left out, or None.
     """
 
-    R_base_flange: Matrix
-    wrench: Vector
-    wrench_cov: Matrix
+    R_base_flange: Matrix = field(metadata=shaped(3, 3))
+    wrench: Vector = field(metadata=shaped(6))
+    wrench_cov: Matrix = field(metadata=shaped(6, 6))
     n: int
     t_start: float | None
     t_end: float | None
@@ -160,9 +160,9 @@ class PoseMoments(Frozen):
     """
 
     n: int
-    design: Matrix
-    cross: Matrix
-    wrench: Matrix
+    design: Matrix = field(metadata=shaped(10, 10))
+    cross: Matrix = field(metadata=shaped(10, 6))
+    wrench: Matrix = field(metadata=shaped(6, 6))
 
     def squares_left(self, to_wrench: Array) -> Array:
         """The mean square (6,) of what a wrench `to_wrench @ m`, (6, 10), leaves of the poses."""

@@ -7,11 +7,11 @@ For white noise it falls as the length grows, for 1/f noise it stays, for creep 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..geometry.arrays import Array, Frozen, Matrix, Vector
+from ..geometry.arrays import Array, Frozen, Matrix, Vector, shaped
 from .timestamps import FINEST
 
 DURATIONS = (0.01, 0.03, 0.1, 1.0)
@@ -43,7 +43,7 @@ class StillNoise(Frozen):
     """
 
     duration: Vector
-    std: Matrix
+    std: Matrix = field(metadata=shaped("k", 6, least=0.0))
 
 
 def still_noise_of(readings: Sequence[Array], period: float) -> StillNoise | None:
