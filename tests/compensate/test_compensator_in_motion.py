@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.calibration.dynamics import covariance_in_motion
 from contactwrench.compensate.contact_wrenches import contact_wrenches
 from contactwrench.errors import InputError
 from contactwrench.geometry.wrench import wrench_transform
@@ -295,7 +294,7 @@ def test_where_the_motion_is_not_known_the_std_says_so() -> None:
 def test_the_std_in_other_axes_is_that_of_the_turned_covariance() -> None:
     s, cal, point = recorded(free()), of_exact_poses(), np.array([0.0, 0.0, 0.3])
     motion = flange_motion(s)
-    covariance = cal.wrench_covariance(s.R_base_flange) + covariance_in_motion(cal, s.R_base_flange, motion)
+    covariance = cal.wrench_covariance(s.R_base_flange) + cal.covariance_in_motion(s.R_base_flange, motion)
     transform = wrench_transform(np.eye(3), point)
     expected = np.sqrt(np.einsum("ij,njk,ik->ni", transform, covariance, transform))
     assert contact_wrenches(cal, s, point=point).std == pytest.approx(expected, rel=1e-6)

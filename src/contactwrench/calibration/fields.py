@@ -190,6 +190,10 @@ class CalibrationFields(Frozen, WithFindings):
         std: Array = np.sqrt(np.maximum(variance, 0.0))
         return std[0] if single else std
 
+    def covariance_in_motion(self, R_base_flange: Array, motion: FlangeMotion) -> Array:
+        """What a motion adds to the covariance (n, 6, 6) of contact wrenches at orientations (n, 3, 3)."""
+        return covariance_in_motion(self, R_base_flange, motion)
+
     @property
     def error_names(self) -> tuple[str, ...]:
         """What the errors of the free wrench are made of: the parameters; with gain and cross-talk B and rotations."""

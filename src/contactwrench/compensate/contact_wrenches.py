@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
-from ..calibration.dynamics import covariance_in_motion
 from ..calibration.fields import ROWS_AT_ONCE
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, Sealed, column, numbers, read_only
@@ -155,7 +154,7 @@ def contact_wrenches(
         J = transform @ calibration.error_jacobian(R[rows]) + J_mounting
         variance = np.sum((J @ calibration.error_covariance) * J, axis=2)
         if motion is not None:
-            own = covariance_in_motion(calibration, R[rows], motion.select(rows))
+            own = calibration.covariance_in_motion(R[rows], motion.select(rows))
             variance += np.sum((transform @ own) * transform, axis=2)
         std[rows] = np.sqrt(np.maximum(variance, 0.0))
     return ContactWrenches(wrench, std, samples.t)

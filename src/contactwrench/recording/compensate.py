@@ -15,7 +15,6 @@ from typing import TypeVar
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.dynamics import covariance_in_motion
 from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
@@ -281,7 +280,7 @@ def _of_samples(
     if frame != "sensor" or point is not None:
         covariance = np.asarray(rows.covariance)[rows.covariance_of]
         if motion is not None:
-            covariance += covariance_in_motion(there, samples.R_base_flange, motion)
+            covariance += there.covariance_in_motion(samples.R_base_flange, motion)
         covariance[:, range(6), range(6)] = np.fmax(np.einsum("nii->ni", covariance), rows.std**2)  # what a delay adds
         wrench, std = in_axes(calibration, samples.R_base_flange, wrench, covariance, frame, point)
         std = np.where(np.isfinite(rows.std), std, np.nan)
