@@ -31,6 +31,7 @@ ONLINE = {
     "delay": "its value, within 10 s",
     "delay_std": "its value",
     "still_noise.duration.*": "its values, ascending",
+    "still_noise.period": "its value, above 0",
     "still_noise.std.*": "their order",
     "still_noise.std.*.*": "its values, 0 and more",
     "poses.*.wrench_cov.*.*": "variances",

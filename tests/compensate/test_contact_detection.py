@@ -89,6 +89,20 @@ def test_noise_of_the_still_segments_is_carried_on_as_white_below_and_with_its_f
     assert at_50_hertz.rows == pytest.approx([1.5, 5.0, 50.0])
 
 
+def test_fewer_samples_than_the_calibration_had_are_each_as_noisy() -> None:
+    """A logger that keeps every k-th reading takes no means. Of more nothing is known but that they are white."""
+    duration, rng = np.array([0.01, 0.03, 0.1, 1.0]), np.random.default_rng(4)
+    for rate, flicker in ((1000.0, 0.0), (500.0, 0.0), (500.0, 0.1)):
+        slow = flicker * NOISE
+        still = StillNoise(duration, np.sqrt(NOISE**2 / (rate * duration[:, None]) + slow**2), 1.0 / rate)
+        for every in (1, 2, 5, 10, 40):
+            found = of_still_segments(still, rate / every)
+            rows = NOISE * rng.normal(size=(50_000, 6))[::every]
+            assert np.sqrt(found.white) == pytest.approx(rows.std(axis=0), rel=0.15)
+            assert found.allan_of(np.array([8.0]))[0] == pytest.approx(NOISE**2 / 8.0 + slow**2, rel=0.15)
+        assert of_still_segments(still, 2.0 * rate).white == pytest.approx(2.0 * of_still_segments(still, rate).white)
+
+
 def test_what_poses_differ_by_is_beyond_the_noise_of_their_means() -> None:
     rig, R, rng = example(2, poses=10)
     each = noisy_readings(rig, np.repeat(R, 200, axis=0), NOISE, rng).reshape(10, 200, 6)

@@ -153,10 +153,16 @@ def _low_pass(text: str | None, option: str, usual_order: int) -> LowPass | None
 
 def _noise(text: str, recording: Recordings, calibration: Calibration, gravity: Array | None) -> Array:
     """Std (6,) of a sample, or what compensation leaves (n, 6) of a recording of a free tool."""
+    from ..compensate.contact_wrenches import motion_of
+    from ..estimation.in_motion import as_stamped
+
     stated = options.noise_or_file(text, "a free tool")
     if not isinstance(stated, Path):
         return stated
     beside = recording.beside(stated)
     alike = beside.as_calibrated(calibration, gravity)
-    free = replace(beside, options=alike.options).read()
-    return alike.calibration.with_gravity(gravity).compensate(free.wrench, free.R_base_flange)
+    there = alike.calibration.with_gravity(gravity)
+    free = as_stamped(replace(beside, options=alike.options).read(), there)
+    motion = motion_of(there, free)
+    left = there.compensate(free.wrench, free.R_base_flange, motion=motion)
+    return left if motion is None else left[motion.inside]

@@ -40,10 +40,12 @@ class StillNoise(Frozen):
         duration: s (k,), ascending, those of 0.01, 0.03, 0.1 and 1.0 that the recording can tell.
         std: N and N m (k, 6), of the mean reading over each duration: the Allan deviation, the root of half the mean
             square of how far it differs from the mean before, within the still segments, of all of them.
+        period: s, between two rows of the recording; None: not known.
     """
 
     duration: Vector
     std: Matrix = field(metadata=shaped("k", 6, least=0.0))
+    period: float | None = None
 
 
 def still_noise_of(readings: Sequence[Array], period: float) -> StillNoise | None:
@@ -57,7 +59,7 @@ def still_noise_of(readings: Sequence[Array], period: float) -> StillNoise | Non
         steps = np.concatenate([np.empty((0, 6)), *(np.diff(mean, axis=0) for mean in means)])
         if len(steps) >= FEWEST_PAIRS:
             known.append((duration, np.sqrt(0.5 * np.mean(steps**2, axis=0))))
-    return StillNoise(np.array([d for d, _ in known]), np.array([std for _, std in known])) if known else None
+    return StillNoise(np.array([d for d, _ in known]), np.array([std for _, std in known]), period) if known else None
 
 
 def covariances_of_means(readings: Sequence[Array]) -> list[Array]:
