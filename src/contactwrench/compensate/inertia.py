@@ -82,7 +82,7 @@ def follow_motion(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
         follow_pose(s, sample, place, ring, inf if fresh else sample.time - s.pose_time)
     elif not s.poses_alone:
         s.pose_time, s.pose_period, s.resting, s.unknown = nan, 0.0, True, 0
-        begin_at_rest(s, ring, sample.time)
+        begin_at_rest(s, ring, sample.time, fresh=True)
 
 
 @kernel
@@ -134,14 +134,10 @@ def follow_pose(s: State, sample: Sample, position: Row, ring: Matrix, passed: f
         s.unknown = 3
     starts = s.resting and s.unknown == 0 and 0.0 < usual <= SLOWEST_POSES and passed < inf
     if starts and moved <= STOPPING * usual * usual and turn <= BRAKING * usual * usual:
-        for k in range(6):
-            s.rate[k] = 0.0
-        s.poses, s.pose_period = 2, usual
-        s.pose_time = max(sample.time - usual, ring[(s.motion_next - 1) % len(ring)][OF_DOWN])
-        differentiate(s, position, usual, 1)
+        start(s, sample, position, ring, usual)
     elif s.resting or not passed < 2.0 * SLOWEST_POSES:
         s.poses = 0
-        begin_at_rest(s, ring, sample.time)
+        begin_at_rest(s, ring, sample.time, fresh=True)
     else:
         known, s.poses = s.poses, min(s.poses + 1, 3)
         differentiate(s, position, passed, known)
@@ -153,6 +149,18 @@ def follow_pose(s: State, sample: Sample, position: Row, ring: Matrix, passed: f
     last[0], last[1], last[2] = position[0], position[1], position[2]
     for k in range(9):
         before[k] = R[k]
+
+
+@kernel
+def start(s: State, sample: Sample, position: Row, ring: Matrix, usual: float) -> None:
+    """Take the pose by which an arm moves that stood at the one before, `usual` s ago, and from then on."""
+    stood = ring[(s.motion_next - 1) % len(ring)][OF_DOWN]
+    s.poses, s.pose_period, s.pose_time = 2, usual, max(sample.time - usual, stood)
+    if s.pose_time - usual > stood:
+        keep_terms(s, ring, s.pose_time - usual, fresh=False)
+    differentiate(s, position, usual, 1)
+    for k in range(6):  # all that is known of how it changes
+        s.trend[k] = s.inertial[k]
 
 
 @kernel
@@ -171,8 +179,12 @@ def stand_still(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
         moving += rate[3 + k] * rate[3 + k]
     fast = sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
     s.unknown = 3 if s.poses > 0 and fast else 0
+    stops = s.poses > 1 and not fast
+    if stops:  # by then readings that are late have yet to come from the time before
+        differentiate(s, s.last_position, s.pose_usual, s.poses)
+        keep_terms(s, ring, s.pose_time, fresh=False)
     s.poses, s.resting = 0, True
-    begin_at_rest(s, ring, sample.time)
+    begin_at_rest(s, ring, s.pose_time + s.pose_usual if stops else sample.time, fresh=not stops)
 
 
 @kernel
@@ -192,13 +204,13 @@ def further_than_known(s: State, moved: float, turn: float, passed: float) -> bo
 
 
 @kernel
-def begin_at_rest(s: State, ring: Matrix, now: float) -> None:
-    """Nothing is known of a motion, or there is none."""
+def begin_at_rest(s: State, ring: Matrix, now: float, fresh: bool) -> None:
+    """Nothing is known of a motion, or there is none; `fresh`: nor of the one before."""
     for k in range(TERMS):
         s.terms[k] = 0.0
     for k in range(6):
-        s.inertial[k] = s.trend[k] = 0.0
-    keep_terms(s, ring, now, fresh=True)
+        s.rate[k] = s.inertial[k] = s.trend[k] = 0.0
+    keep_terms(s, ring, now, fresh)
 
 
 @kernel
@@ -231,11 +243,9 @@ def differentiate(s: State, position: Row, passed: float, known: int) -> None:
     a, b, c = (position[0] - last[0]) / passed, (position[1] - last[1]) / passed, (position[2] - last[2]) / passed
     if known > 0:
         x, y, z = 0.5 * (now_x + rate[0]), 0.5 * (now_y + rate[1]), 0.5 * (now_z + rate[2])
-        terms[0], terms[1], terms[2] = (
-            between * (now_x - rate[0]),
-            between * (now_y - rate[1]),
-            between * (now_z - rate[2]),
-        )
+        now = (now_x, now_y, now_z)
+        for k in range(3):
+            terms[k] = between * (now[k] - rate[k])
         terms[3], terms[4], terms[5] = x * x, x * y, x * z
         terms[6], terms[7], terms[8] = y * y, y * z, z * z
         d, e, f = between * (a - rate[3]), between * (b - rate[4]), between * (c - rate[5])

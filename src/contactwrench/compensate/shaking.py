@@ -50,10 +50,11 @@ def noise_of_motion(s: State, sample: Sample) -> float:
     """By what share the variance of a contact wrench grows in motion, but for what shakes, on the axis where it grows
     most; writes the variance of the shaking acceleration, `s.shaken`, and all that motion adds, `s.of_motion`: what
     shakes, by what an accelerometer is off, what is not known of the inertia and of the delay, the noise of poses
-    behind the low-pass, and by how much the terms are older than the wrench.
+    behind the low-pass, and by how much the terms are older than the wrench, or were a moment ago, as it remembers.
     """
     terms, most = s.seen, 0.0
-    given, of_motion, trend, noise, shaken_by = sample.motion_variance, s.of_motion, s.trend, s.pose_noise, s.shaken_by
+    given, of_motion, noise, shaken_by = sample.motion_variance, s.of_motion, s.pose_noise, s.shaken_by
+    trend, lagging = s.trend, s.lagging
     held, octave = s.pose_period / s.interval, 0
     while octave < len(s.pose_gain) - 1 and held > 1.5:
         held, octave = 0.5 * held, octave + 1
@@ -73,7 +74,8 @@ def noise_of_motion(s: State, sample: Sample) -> float:
         if given[k] == given[k]:
             variance = given[k]
         else:
-            known, old = s.uncertain[k], poses_old * trend[k]
+            known = s.uncertain[k]
+            old = lagging[k] = max(abs(poses_old * trend[k]), s.remembered * lagging[k])
             variance = gain * noise[k] + old * old
             variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
         if k > 2:

@@ -132,6 +132,7 @@ class State:
     D: Matrix = numbers(6, TERMS)
     uncertain: Matrix = numbers(6, 3)
     pose_gain: Row = numbers(OCTAVES_HELD, fill=1.0)
+    remembered: float = 0.0
     poses_alone: bool = False
     poses: int = 0
     pose_time: float = nan
@@ -147,6 +148,7 @@ class State:
     seen: Row = numbers(TERMS)
     inertial: Row = numbers(6)
     trend: Row = numbers(6)
+    lagging: Row = numbers(6)
     pose_noise: Row = numbers(6)
     motion_memory: Matrix = numbers(2 * SECTIONS, TERMS)
     motion_next: int = 0
