@@ -301,6 +301,21 @@ def test_no_start_and_no_stop_is_a_contact(every: int, delay: float, fast: bool)
         assert push > 0.0 or off.max() < 5.5
 
 
+@pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])
+def test_poses_that_come_a_cycle_late_now_and_then_tell_no_motion(fast: bool) -> None:
+    """By their differences the arm would accelerate as none does: 1 mm in 2 ms is 250 m/s^2."""
+    t, felt, place = to_and_fro(0.0, 0.0)
+    late = np.random.default_rng(3).integers(0, 2, len(t))
+    turns = np.broadcast_to(recorded(free()).R_base_flange[0], (len(t), 3, 3))
+    found = running(fast, delay=0.0).run(felt, turns, t, position=place[np.maximum(np.arange(len(t)) - late, 0)])
+    assert not found.contacts
+    assert (np.abs(found.wrench / found.std)[found.valid] < 5.5).all()
+    assert 0.1 < (~found.valid).mean() < 0.5
+    assert {str(reason) for reason in found.reason if reason is not None} == {
+        "frozen: poses stood still, jumped or came too rarely while the arm moved: three in a row tell how it moves"
+    }
+
+
 def test_an_arm_that_does_not_turn_is_a_motion_too() -> None:
     """Nothing but the acceleration is felt; `is_stream` looks at turns alone."""
     cal = of_exact_poses()

@@ -25,9 +25,10 @@ from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactW
 from .delay import use_delay
 from .faults import BACK, SAME, measured_by, reason_of
 from .filters import LowPass, gains_of_poses, use_low_pass
-from .inertia import known_motion, use_inertia
+from .inertia import use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import NOTHING_TOLD, TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
+from .shaking import known_motion
 from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 

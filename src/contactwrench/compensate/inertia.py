@@ -8,16 +8,12 @@ poses; what jumps from pose to pose is that noise, and widens the test.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf, nan, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.dynamics import ACCELERATION, covariance_of_terms
-from ..geometry.arrays import Array
-from ..samples.flange_motion import FlangeMotion
 from .acceleration import feel, take_reading, use_accelerometer
 from .delay import looked_up
 from .faults import BRAKING, SQUARED_TOLERANCE, from_matrix, from_quaternion
@@ -38,19 +34,10 @@ SLOWEST_POSES = 0.036
 """s: between poses; more tell no acceleration, and for so long at least the same one says that the arm stands."""
 REPEATED, NEWEST = 2.5, 0.5
 """Periods, for which a pose may be one that is sent again; of the usual time between poses, the share of the newest."""
-STOPPING = 30.0
-"""m/s^2: no arm stops or starts faster."""
+STOPPING, BEYOND = 30.0, 100.0
+"""m/s^2: no arm stops or starts faster; and no pose that is so far off jumped because an arm did, but for its time."""
 SLOW, NEAR = 0.02, 0.002
 """m/s or rad/s, and m or rad: less is no motion."""
-
-
-def known_motion(calibration: Calibration, orientation: ArrayLike, motion: FlangeMotion) -> tuple[Array, Array]:
-    """The terms (n, 12) of a motion, and by how much the variance (n, 6) of a contact wrench grows in it, but for what
-    shakes; orientations as of `wrench_std`.
-    """
-    turns, unshaken = np.asarray(orientation), replace(motion, stirring=np.zeros((len(motion), 2)))
-    growth = calibration.wrench_std(turns, unshaken) ** 2 - calibration.wrench_std(turns) ** 2
-    return motion.terms, np.maximum(growth, 0.0)
 
 
 def use_inertia(s: State, calibration: Calibration, sensor_filter: LowPass | None) -> None:
@@ -252,6 +239,8 @@ def differentiate(s: State, position: Row, passed: float, known: int) -> None:
         for k in range(3):
             terms[9 + k] = before[k] * d + before[3 + k] * e + before[6 + k] * f
         jump(s, known > 1)
+        if d * d + e * e + f * f > BEYOND * BEYOND:
+            s.unknown = 3
     rate[0], rate[1], rate[2], rate[3], rate[4], rate[5] = now_x, now_y, now_z, a, b, c
     s.pose_period = passed
 

@@ -10,18 +10,30 @@ safe side.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..calibration.calibration import Calibration
 from ..calibration.dynamics import ACCELERATION
 from ..geometry.arrays import Array
-from ..samples.flange_motion import RINGING
+from ..samples.flange_motion import RINGING, FlangeMotion
 from .state import Sample, State, kernel
 
 LINEAR: int = ACCELERATION.start
 """Of the terms, the first of the flange's acceleration."""
+
+
+def known_motion(calibration: Calibration, orientation: ArrayLike, motion: FlangeMotion) -> tuple[Array, Array]:
+    """The terms (n, 12) of a motion, and by how much the variance (n, 6) of a contact wrench grows in it, but for what
+    shakes; orientations as of `wrench_std`.
+    """
+    turns, unshaken = np.asarray(orientation), replace(motion, stirring=np.zeros((len(motion), 2)))
+    growth = calibration.wrench_std(turns, unshaken) ** 2 - calibration.wrench_std(turns) ** 2
+    return motion.terms, np.maximum(growth, 0.0)
 
 
 @kernel
