@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.compensate.contact_wrenches import ContactWrenches
+from contactwrench.compensate.contact_wrenches import Contact, ContactWrenches
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
 from contactwrench.recording.compensate import Treatment, compensated
@@ -204,3 +204,27 @@ def test_few_rows_may_be_pushes_alone_and_those_without_a_contact_wrench_do_not_
     wrench[:rows] = 1e3
     off.add(ContactWrenches(wrench, wrench))
     assert ("in 100% of the rows" in str(off)) is asked
+
+
+@pytest.mark.parametrize(("each", "seconds", "asked"), [(11, 30.0, True), (10, 30.0, False), (21, 180.0, False)])
+@pytest.mark.parametrize("long", [0, 12])
+def test_many_short_contacts_are_asked_about(each: int, seconds: float, asked: bool, long: int) -> None:
+    calibration, rig, rng = calibrated(3)
+    n = round(100.0 * seconds)
+    R, t = turning(n, rng), np.arange(n) / 100.0
+    contacts = tuple(
+        Contact(0.5 + k, 0.5 + k + lasts, np.ones(6), np.ones(6), np.eye(6), onset_seen=True)
+        for lasts, of in ((0.05, each), (0.3, long))
+        for k in range(of)
+    )
+    doubt = InDoubt(calibration)
+    free_wrench = ContactWrenches(rng.normal(size=(n, 6)), np.ones((n, 6)), t, True, contact=np.zeros(n, dtype=np.int8))
+    for half in (slice(0, n // 2), slice(n // 2, n)):
+        part = replace(free_wrench.select(half), contacts=contacts if half.start else ())
+        doubt.add(Samples(free(rig, R[half], rng), R[half], t[half]), part)
+    said = (
+        f"{each} of {each + long} contacts last for less than 0.1 s: if nothing touches, the noise is larger than is "
+        "known, as of an arm that moves: state what a free tool scatters by there (--noise FREE); with an inertia, "
+        "record poses more often and with steadier stamps"
+    )
+    assert str(doubt) == (said if asked and each > long else "")

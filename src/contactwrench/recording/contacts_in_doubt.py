@@ -25,6 +25,8 @@ MOST_OF_TIME = 0.75
 """Share of the samples in contact, from which on it is in doubt, however it goes."""
 EXPLAINED, OFTEN = 0.25, 0.25
 """Of a force's square, what is left of it less a free tool's inertia; and the share of the samples in contact."""
+SHORT, MANY = 0.1, 10.0
+"""s, that no hand and no task touches for, and contacts in a minute: of so many so short ones."""
 PART_OF_WEIGHT, NEARLY_ALL = 0.1, 0.9
 """Of the weight, and of the rows: orientations that have nothing to do with the readings leave less in few of them."""
 FEWEST_ROWS = 100
@@ -40,11 +42,13 @@ OTHERWISE = (
 class InDoubt:
     """Whether contact, batch by batch, may be another tool or a zero that moved: it lasts, by a force that a weight, a
     bias and a steady drift explain, as they do no hand's, or there is one for most of the time; or the inertia of a
-    tool, which the calibration does not know: its mass times the acceleration that positions tell.
+    tool, which the calibration does not know: its mass times the acceleration that positions tell; or noise that is
+    larger than is known, which makes many short ones.
     """
 
     def __init__(self, calibration: Calibration) -> None:
         self.calibration, self.rows, self.touching, self.inertial, self.largest = calibration, 0, 0, 0, 0.0
+        self.contacts = self.short = 0
         self.start, self.last, self.lasts = np.nan, np.nan, np.empty((0, 8))
 
     def add(self, samples: Samples, batch: ContactWrenches) -> None:
@@ -52,6 +56,8 @@ class InDoubt:
         t, touching = np.asarray(samples.t), batch.contact == TOUCHING
         self.start, self.rows = np.fmin(self.start, t[0]), self.rows + len(t)
         self.touching += int(np.sum(touching))
+        self.contacts += len(batch.contacts)
+        self.short += sum(each.release is not None and each.release - each.onset < SHORT for each in batch.contacts)
         if touching.any() and (inertial := self._inertial(samples)) is not None:
             left, of_sample = (np.sum(force[:, :3] ** 2, axis=1) for force in (batch.wrench - inertial, batch.wrench))
             explained = touching & (left < EXPLAINED * of_sample)
@@ -85,6 +91,12 @@ class InDoubt:
                 f"in {self.inertial / self.touching:.0%} of the time in contact the force, up to "
                 f"{two_digits(self.largest)} N, is what the free tool exerts as the arm accelerates: calibrate it with "
                 "--model dynamic, or state what it scatters by in motion (--noise)"
+            )
+        if self.short > max(MANY / 60.0 * (0.1 * self.last - self.start), MANY, 0.5 * self.contacts):
+            return (
+                f"{self.short} of {self.contacts} contacts last for less than {SHORT} s: if nothing touches, the noise "
+                "is larger than is known, as of an arm that moves: state what a free tool scatters by there (--noise "
+                "FREE); with an inertia, record poses more often and with steadier stamps"
             )
         t, load, force, variance = np.split(self.lasts, (1, 4, 7), axis=1)
         of_axis = np.tile(np.eye(3), (len(t), 1, 1))
