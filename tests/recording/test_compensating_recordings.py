@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import contactwrench as cw
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
+from contactwrench.simulate.trajectory import Push
+from tests.support.in_motion import moving
 from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.world import Array
@@ -78,6 +81,24 @@ def test_noise_from_a_table_beside_two_files(tmp_path: Path, capsys: Capture) ->
         *("-o", tmp_path / "o.csv", "--contact", "--noise", quiet),
     )
     assert done.status == 0, done.err
+
+
+def test_noise_from_a_free_motion_beside_an_inertia_is_what_that_leaves(tmp_path: Path, capsys: Capture) -> None:
+    """Not what the inertia does, which is 20 times as much; a push of 5 N is felt."""
+    cw.calibrate(moving(7, stops=8, seconds=12.0, rate=250.0).samples(), "dynamic").save(tmp_path / "swing.json")
+    push = Push(2.0, 2.6, np.array([3.0, 0.0, 4.0]))
+    paths = []
+    for seed, pushes in ((31, ()), (32, (push,))):
+        arm = moving(seed, stops=0, seconds=5.0, rate=250.0, pushes=pushes)
+        rec = arm.recorded
+        columns = np.column_stack([rec.t, rec.wrench, rec.position, rec.R_base_flange.reshape(-1, 9)])
+        names = ("t", *WRENCH, "x", "y", "z", *MATRIX)
+        paths.append(written(tmp_path, csv_text(names, columns), f"{seed}.csv"))
+    into = ("-c", tmp_path / "swing.json", "-o", tmp_path / "o.csv", "--contact", "--noise", paths[0])
+    assert run(capsys, "compensate", paths[1], *into).status == 0
+    left = np.genfromtxt(tmp_path / "o.csv", delimiter=",", names=True)
+    assert np.nanmedian(left["fx_std"]) == pytest.approx(0.05, rel=0.2)
+    assert (left["contact"][np.abs(left["t"] - arm.begin - 2.3) < 0.2] == 1).all()
 
 
 def test_a_contact_that_lasts_to_the_end_goes_to_parquet(tmp_path: Path, capsys: Capture) -> None:
