@@ -17,7 +17,7 @@ from contactwrench.compensate.contact_wrenches import Contact, ContactWrenches
 from contactwrench.compensate.filters import LowPass
 from contactwrench.compensate.noise import between_poses, of_still_segments, stated_noise
 from contactwrench.errors import InputError
-from contactwrench.samples.still_noise import StillNoise
+from contactwrench.samples.still_noise import StillNoise, still_noise_of
 from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.rigs import NOISE, example
 from tests.support.world import Array, noisy_readings, random_rotations, readings
@@ -89,18 +89,30 @@ def test_noise_of_the_still_segments_is_carried_on_as_white_below_and_with_its_f
     assert at_50_hertz.rows == pytest.approx([1.5, 5.0, 50.0])
 
 
-def test_fewer_samples_than_the_calibration_had_are_each_as_noisy() -> None:
-    """A logger that keeps every k-th reading takes no means. Of more nothing is known but that they are white."""
-    duration, rng = np.array([0.01, 0.03, 0.1, 1.0]), np.random.default_rng(4)
-    for rate, flicker in ((1000.0, 0.0), (500.0, 0.0), (500.0, 0.1)):
-        slow = flicker * NOISE
-        still = StillNoise(duration, np.sqrt(NOISE**2 / (rate * duration[:, None]) + slow**2), 1.0 / rate)
-        for every in (1, 2, 5, 10, 40):
-            found = of_still_segments(still, rate / every)
-            rows = NOISE * rng.normal(size=(50_000, 6))[::every]
-            assert np.sqrt(found.white) == pytest.approx(rows.std(axis=0), rel=0.15)
-            assert found.allan_of(np.array([8.0]))[0] == pytest.approx(NOISE**2 / 8.0 + slow**2, rel=0.15)
-        assert of_still_segments(still, 2.0 * rate).white == pytest.approx(2.0 * of_still_segments(still, rate).white)
+def _read(kind: str, n: int, rng: np.random.Generator) -> Array:
+    """Readings (n, 6) at 1 kHz of a sensor at rest: each anew, held for ten rows, or behind a filter in the sensor."""
+    rows = NOISE * rng.normal(size=(n, 6))
+    if kind == "held":
+        return rows[np.arange(n) // 10 * 10]
+    if kind == "filtered":
+        rows = np.asarray(lfilter([0.3], [1.0, -0.7], rows, axis=0))
+    return rows + (0.2 * NOISE * np.cumsum(rng.normal(size=(n, 6)), axis=0) / np.sqrt(n) if kind == "wanders" else 0.0)
+
+
+@pytest.mark.parametrize("kind", ["white", "held", "filtered", "wanders"])
+def test_fewer_samples_than_the_calibration_had_are_as_noisy_as_some_of_its_rows(kind: str) -> None:
+    """A logger that keeps every k-th reading takes no means. Of more samples than that no more is known than before."""
+    rng = np.random.default_rng(4)
+    still = still_noise_of([_read(kind, 5_000, rng) for _ in range(12)], 0.001)
+    assert still is not None
+    for every in (10, 20, 50, 100):
+        rows = np.concatenate([_read(kind, 5_000, rng)[::every] for _ in range(40)])
+        found = of_still_segments(still, 1000.0 / every)
+        steps = np.sqrt(0.5 * np.mean(np.diff(rows.reshape(40, -1, 6), axis=1) ** 2, axis=(0, 1)))
+        assert np.sqrt(found.white) == pytest.approx(steps, rel=0.15)
+    assert of_still_segments(still, 2000.0).white == pytest.approx(
+        2.0 * of_still_segments(still, 1000.0).white, rel=0.1
+    )
 
 
 def test_what_poses_differ_by_is_beyond_the_noise_of_their_means() -> None:

@@ -60,6 +60,8 @@ def test_the_motion_between_the_poses_tells_the_inertia(seed: int) -> None:
     assert (np.abs(told - true) < 4.0 * found.std["inertia"]).all()
     assert (np.abs(found.sensor_offset - arm.offset) < 4.0 * found.std["sensor_offset"]).all()
     assert found.verdict == "good"
+    assert found.delay is not None
+    assert 0.0 < found.delay - LATE < 0.5 / np.pi / arm.settings.sensor.low_pass  # its filter makes readings late, too
     assert found.weight == of_stops(seed).weight
     work = moving(seed + 10, stops=0, seconds=4.0, rate=500.0).samples()
     assert work.t is not None

@@ -146,6 +146,8 @@ def test_the_inertia_that_a_calibration_does_not_know_is_named(seed: int) -> Non
         said,
     )
     assert "free tool" not in of_inertia(at_stops(), replace(samples, position=None), 800)
+    known = cw.calibrate(moving(7, stops=8, seconds=8.0, rate=250.0).samples(), "dynamic")
+    assert "free tool" not in of_inertia(known, samples, 800)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -438,6 +438,17 @@ def test_names_that_lerobot_gives_to_the_elements_of_a_list_tell_what_they_are(
     assert "observation.state[12].tz, action[0].x, " in run(capsys, "info", folder).out
 
 
+def test_two_axes_of_a_rotation_are_found_by_the_names_of_elements(tmp_path: Path) -> None:
+    state = np.hstack([Motion.R[:, :, 0], Motion.R[:, :, 1], Motion.wrench])
+    columns = {"observation.state": state.tolist(), "timestamp": 0.1 * np.arange(60)}
+    folder = lerobot(tmp_path / "set", 3, pa.table({**columns, "episode_index": np.zeros(60, dtype=int)}))
+    names = [f"rot6d_{k}" for k in range(6)] + NAMES[7:]
+    (folder / "meta/info.json").write_text(json.dumps({"features": {"observation.state": {"names": names}}}))
+    assert cw.read(folder, "rot6d").R_base_flange == pytest.approx(Motion.R, abs=1e-12)
+    inverse = np.transpose(Motion.R, (0, 2, 1))
+    assert cw.read(folder, "rot6d_rows").R_base_flange == pytest.approx(inverse, abs=1e-12)
+
+
 def test_names_that_do_not_fit_a_list_say_nothing_and_what_is_no_json_is_refused(tmp_path: Path) -> None:
     folder = lerobot(tmp_path / "set", 3)
     described = {"observation.state": {"names": ["fx", "fy"]}, "quat_xyzw": {"names": [0, 1, 2, 3]}}

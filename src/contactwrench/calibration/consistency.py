@@ -125,8 +125,6 @@ def _check_numbers(c: CalibrationFields) -> None:
             raise InputError(f"delay is {c.delay:g} s, expected at most {LONGEST_DELAY:g} s either way")
     if c.still_noise is not None and not (np.diff(c.still_noise.duration, prepend=0.0) > 0.0).all():
         raise InputError("found still_noise.duration out of order, expected it ascending from above 0")
-    if c.still_noise is not None and not (c.still_noise.period is None or 0.0 < c.still_noise.period < LARGEST_NUMBER):
-        raise InputError(f"still_noise.period is {c.still_noise.period:g} s, expected above 0")
     least = c.dof if c.parameter_dof is None else float(c.parameter_dof.min())
     if not c.dof <= least + B_TOLERANCE or (c.dof == 0.0 < least):
         raise InputError(f"dof is {c.dof:g}, expected no more than the least parameter_dof, {least:g}, and not 0")

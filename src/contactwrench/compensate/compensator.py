@@ -288,7 +288,6 @@ class Compensator:
         s, low_pass = self._runner.state, None if rate is None else self._lowpass
         noise = self._noise = self._noise.over(LEVEL_KNOWN, rate)
         s.pose_gain[:] = gains_of_poses(low_pass, rate)
-        s.remembered = 0.0 if low_pass is None or rate is None else low_pass.remembers(rate)
         s.settled = 0 if low_pass is None or rate is None else low_pass.settles_in(rate)
         s.noise_filtered[:] = noise.behind(low_pass, rate or USUAL_RATE).tolist()
         s.noise_variance[:], s.flicker[:] = noise.of_sample.tolist(), noise.flicker.tolist()

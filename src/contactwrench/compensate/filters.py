@@ -5,7 +5,7 @@ at a time. The coefficients are scipy's (`scipy.signal.butter`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, exp, pi, sin
+from math import ceil, exp, pi
 
 import numpy as np
 
@@ -75,10 +75,6 @@ class LowPass:
         impulse = np.zeros(ceil(SETTLED * self.settles_in(rate)))
         impulse[0] = 1.0
         return float(np.sum(sosfilt(self.sections(rate), impulse) ** 2))
-
-    def remembers(self, rate: float) -> float:
-        """The share of what it holds that is left a sample later, of its slowest part."""
-        return exp(-2.0 * pi * self.cutoff * sin(0.5 * pi / max(self.order, 1)) / rate)
 
     def settles_in(self, rate: float) -> int:
         """Samples, after which 1 % is left of how it was started: a period of the cut-off for each order."""

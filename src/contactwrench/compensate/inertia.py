@@ -167,9 +167,12 @@ def stand_still(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
     fast = sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
     s.unknown = 3 if s.poses > 0 and fast else 0
     stops = s.poses > 1 and not fast
-    if stops:  # by then readings that are late have yet to come from the time before
+    if stops:  # by then readings that are late have yet to come from the time before; if no pose was lost
         differentiate(s, s.last_position, s.pose_usual, s.poses)
         keep_terms(s, ring, s.pose_time, fresh=False)
+        s.stopping_until = s.pose_time + s.pose_usual
+        for k in range(6):
+            s.stopping[k] = s.inertial[k]
     s.poses, s.resting = 0, True
     begin_at_rest(s, ring, s.pose_time + s.pose_usual if stops else sample.time, fresh=not stops)
 

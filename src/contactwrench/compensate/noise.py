@@ -132,18 +132,18 @@ def of_pairs(pairs: Array, squares: Array) -> SampleNoise:
 
 
 def of_still_segments(still: StillNoise, rate: float) -> SampleNoise:
-    """From what a calibration's recording showed at rest, for samples at a rate (Hz). Fewer of them than it had are
-    each as noisy as its own: some of its rows, as loggers write them, and no means over the time between.
+    """From what a calibration's recording showed at rest, for samples at a rate (Hz). Where they come more rarely than
+    its rows they may be some of these, as loggers write them, and no means over the time between.
     """
     tell = (np.arange(len(still.duration)) == len(still.duration) - 1) | (still.duration * rate > 0.5)
     rows, allan = still.duration[tell] * rate, still.std[tell] ** 2
-    if still.period is not None:
-        of_row = still.std[0] ** 2 * still.duration[0] / still.period
-        allan += max(1.0 - rate * still.period, 0.0) * of_row / rows[:, None]
     floor = np.zeros(6)
     if len(rows) > 1:  # what is left of the longest mean's beside white noise, of which the two have a / rows
         floor = np.maximum(rows[-1] * allan[-1] - rows[-2] * allan[-2], 0.0) / (rows[-1] - rows[-2])
-    return of_variances(rows, allan, floor)
+    of_means = of_variances(rows, allan, floor)
+    if still.row_std is None:
+        return of_means
+    return of_variances(rows, allan + np.maximum(still.row_std**2 - of_means.white, 0.0) / rows[:, None], floor)
 
 
 def of_variances(rows: Array, allan: Array, floor: Array | float = 0.0) -> SampleNoise:

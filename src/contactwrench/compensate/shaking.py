@@ -21,6 +21,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.dynamics import ACCELERATION
 from ..geometry.arrays import Array
 from ..samples.flange_motion import RINGING, FlangeMotion
+from .filters import low_pass
 from .state import Sample, State, kernel
 
 LINEAR: int = ACCELERATION.start
@@ -58,15 +59,16 @@ def whiten_shaking(s: State) -> None:
 
 
 @kernel
-def noise_of_motion(s: State, sample: Sample) -> float:
+def noise_of_motion(s: State, sample: Sample, fresh: bool) -> float:
     """By what share the variance of a contact wrench grows in motion, but for what shakes, on the axis where it grows
     most; writes the variance of the shaking acceleration, `s.shaken`, and all that motion adds, `s.of_motion`: what
     shakes, by what an accelerometer is off, what is not known of the inertia and of the delay, the noise of poses
-    behind the low-pass, and by how much the terms are older than the wrench, or were a moment ago, as it remembers.
+    behind the low-pass, which a `fresh` sample begins anew, and by how much the terms are older than the wrench, or
+    were for as long as it remembers that.
     """
     terms, most = s.seen, 0.0
     given, of_motion, noise, shaken_by = sample.motion_variance, s.of_motion, s.pose_noise, s.shaken_by
-    trend, lagging = s.trend, s.lagging
+    lag, trend = s.lag, s.trend
     held, octave = s.pose_period / s.interval, 0
     while octave < len(s.pose_gain) - 1 and held > 1.5:
         held, octave = 0.5 * held, octave + 1
@@ -80,14 +82,18 @@ def noise_of_motion(s: State, sample: Sample) -> float:
     stirred[1] += newest * (turning - stirred[1])
     of_tool, of_torque = s.shaking[0], s.shaking[1]
     shaken = of_tool[0] * stirred[0] + of_tool[1] * stirred[1] + s.felt_off
-    torque, gain = of_torque[0] * stirred[0] + of_torque[1] * stirred[1], s.pose_gain[octave]
+    torque = of_torque[0] * stirred[0] + of_torque[1] * stirred[1]
+    gain = 1.0 if fresh or s.since_fresh < s.settled else s.pose_gain[octave]
+    guessed = 1.0 if sample.time - s.delay < s.stopping_until else 0.0
+    for k in range(6):
+        lag[k] = poses_old * abs(trend[k]) + guessed * abs(s.stopping[k])
+    low_pass(s.lowpass, s.lag_memory, lag, 6, fresh)
     s.shaken = shaken
     for k in range(6):
         if given[k] == given[k]:
             variance = given[k]
         else:
-            known = s.uncertain[k]
-            old = lagging[k] = max(abs(poses_old * trend[k]), s.remembered * lagging[k])
+            known, old = s.uncertain[k], max(poses_old * abs(trend[k]), abs(lag[k]))
             variance = gain * noise[k] + old * old
             variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
         if k > 2:

@@ -132,7 +132,6 @@ class State:
     D: Matrix = numbers(6, TERMS)
     uncertain: Matrix = numbers(6, 3)
     pose_gain: Row = numbers(OCTAVES_HELD, fill=1.0)
-    remembered: float = 0.0
     poses_alone: bool = False
     poses: int = 0
     pose_time: float = nan
@@ -148,7 +147,10 @@ class State:
     seen: Row = numbers(TERMS)
     inertial: Row = numbers(6)
     trend: Row = numbers(6)
-    lagging: Row = numbers(6)
+    stopping: Row = numbers(6)
+    stopping_until: float = -inf
+    lag: Row = numbers(6)
+    lag_memory: Matrix = numbers(2 * SECTIONS, 6)
     pose_noise: Row = numbers(6)
     motion_memory: Matrix = numbers(2 * SECTIONS, TERMS)
     motion_next: int = 0

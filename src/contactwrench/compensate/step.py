@@ -166,7 +166,7 @@ def weigh(s: State, sample: Sample, passed: float, fresh: bool, fresh_pose: bool
     """The statistic of the contact wrench and its std; in motion both know what is noisier then."""
     moving = follow_turn(s, sample.time, passed, fresh, fresh_pose) or s.knows_inertia
     if s.knows_inertia:
-        sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample))
+        sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample, fresh))
     else:
         sample.statistic = statistic_of(sample.wrench, s.whitening)
         if moving:

@@ -40,12 +40,13 @@ class StillNoise(Frozen):
         duration: s (k,), ascending, those of 0.01, 0.03, 0.1 and 1.0 that the recording can tell.
         std: N and N m (k, 6), of the mean reading over each duration: the Allan deviation, the root of half the mean
             square of how far it differs from the mean before, within the still segments, of all of them.
-        period: s, between two rows of the recording; None: not known.
+        row_std: N and N m (6,), of a row beside others far from it: the root of half the mean square of how far rows
+            differ that are 10 ms apart, or the next if that is more; None: not known.
     """
 
     duration: Vector
     std: Matrix = field(metadata=shaped("k", 6, least=0.0))
-    period: float | None = None
+    row_std: Vector | None = field(default=None, metadata=shaped(6, least=0.0))
 
 
 def still_noise_of(readings: Sequence[Array], period: float) -> StillNoise | None:
@@ -59,7 +60,12 @@ def still_noise_of(readings: Sequence[Array], period: float) -> StillNoise | Non
         steps = np.concatenate([np.empty((0, 6)), *(np.diff(mean, axis=0) for mean in means)])
         if len(steps) >= FEWEST_PAIRS:
             known.append((duration, np.sqrt(0.5 * np.mean(steps**2, axis=0))))
-    return StillNoise(np.array([d for d, _ in known]), np.array([std for _, std in known]), period) if known else None
+    if not known:
+        return None
+    apart = max(round(DURATIONS[0] / period), 1)
+    steps = np.concatenate([y[apart:] - y[:-apart] for y in readings])
+    row_std = np.sqrt(0.5 * np.mean(steps**2, axis=0))
+    return StillNoise(np.array([d for d, _ in known]), np.array([std for _, std in known]), row_std)
 
 
 def covariances_of_means(readings: Sequence[Array]) -> list[Array]:

@@ -43,6 +43,7 @@ VECTORS: dict[str, tuple[str, ...]] = {
     "quatwxyz": ("qw", "qx", "qy", "qz"),
     "tcppose": (*POSITION, "rx", "ry", "rz"),
     "otee": tuple(f"o_t_ee_{k}" for k in range(16)),
+    "rot6d": tuple(f"rot6d_{k}" for k in range(6)),
 }
 """Of numbered columns, and of the elements of a list: the parts in their order, by the words without their blanks.
 
