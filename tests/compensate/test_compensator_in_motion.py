@@ -301,6 +301,22 @@ def test_no_start_and_no_stop_is_a_contact(every: int, delay: float, fast: bool)
         assert push > 0.0 or off.max() < 5.5
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.03])
+@pytest.mark.parametrize("lost", [2, 3, 5])
+def test_poses_that_are_lost_are_no_stop(lost: int, delay: float) -> None:
+    """Poses at 125 Hz, held, of an arm that goes on at 0.2 m/s: where some are lost, it may have braked."""
+    cal, R = of_exact_poses(), recorded(free()).R_base_flange[0]
+    t, rng = np.arange(2000) / RATE, np.random.default_rng(9)
+    felt = cal.predict(R) + np.repeat([0.05, 0.002], 3) * rng.normal(size=(len(t), 6))
+    pose = np.arange(len(t)) // 4
+    gone = pose % 125 >= 125 - lost
+    pose[gone] = pose[gone] // 125 * 125 + 124 - lost
+    place = np.outer(0.2 * 4.0 / RATE * pose, [1.0, 0.0, 0.0])
+    found = running(delay=delay).run(felt, np.broadcast_to(R, (len(t), 3, 3)), t, position=place)
+    assert not found.contacts
+    assert (np.abs(found.wrench / found.std)[found.valid] < 5.5).all()
+
+
 @pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])
 def test_poses_that_come_a_cycle_late_now_and_then_tell_no_motion(fast: bool) -> None:
     """By their differences the arm would accelerate as none does: 1 mm in 2 ms is 250 m/s^2."""
