@@ -117,7 +117,7 @@ def with_delay(calibration: Calibration, streams: Streams | None) -> Calibration
 
 def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibration:
     """The calibration with the inertia that the motion tells, where the robot's poses have positions and nothing of it
-    is in doubt: a tool that was moved by hand, or positions of something else than the flange, are no way to tell it.
+    is in doubt: a tool that was led by hand, or positions that are not those of this arm, are no way to tell it.
     """
     if streams is None or streams.orientation.position is None or len(streams.orientation) < 2:
         return calibration
