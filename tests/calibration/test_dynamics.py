@@ -201,6 +201,28 @@ def test_what_shakes_goes_through_the_centre_of_mass() -> None:
     assert more[:, 3:] == pytest.approx(torque[:, None] + np.multiply.outer(force, of_force), rel=1e-9)
 
 
+def test_accelerations_that_are_not_told_are_in_the_covariance() -> None:
+    """As contact wrenches scatter that are computed with accelerations which are off by as much."""
+    moving, c = known(3)
+    rng = np.random.default_rng(10)
+    motion = any_motion(1, rng)
+    untold = rng.uniform(0.1, 2.0, size=(1, 6))
+    more = c.covariance_in_motion(motion.R_base_flange, replace(motion, untold=untold))[0]
+    more -= c.covariance_in_motion(motion.R_base_flange, motion)[0]
+    off = np.sqrt(untold) * rng.normal(size=(20_000, 6))
+    many = FlangeMotion(
+        np.tile(motion.angular_velocity, (len(off), 1)),
+        motion.angular_acceleration + off[:, :3],
+        motion.acceleration + off[:, 3:],
+        np.tile(motion.R_base_flange, (len(off), 1, 1)),
+        np.ones(len(off), np.bool_),
+    )
+    readings = np.tile(exerted(moving, motion), (len(off), 1))
+    drawn = np.cov(c.compensate(readings, many.R_base_flange, motion=many).T)
+    assert more == pytest.approx(drawn, abs=0.05 * float(np.sqrt(np.outer(np.diag(drawn), np.diag(drawn))).max()))
+    assert np.diag(more) == pytest.approx(np.diag(drawn), rel=0.05)
+
+
 def test_elements_and_matrices_are_each_other() -> None:
     inertia = any_tool(np.random.default_rng(1)).inertia
     assert np.array_equal(symmetric(elements(inertia)), inertia)

@@ -12,7 +12,17 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from tests.assess.test_robot_arms import poses_by_pinocchio, urdf_of
 from tests.support.bags import joint_state, pose_stamped, tf, transform, wrench_stamped, write_bag
-from tests.support.recordings import MATRIX, WRENCH, Run, csv_text, run, run_quietly, wrenches_written, written
+from tests.support.recordings import (
+    MATRIX,
+    WRENCH,
+    Run,
+    beside_its_doubt,
+    csv_text,
+    run,
+    run_quietly,
+    wrenches_written,
+    written,
+)
 from tests.support.rigs import example
 from tests.support.world import Array, readings, tilted_down, with_down
 
@@ -55,8 +65,8 @@ def _bag(path: Path, kind: str, R: Array, joints: Array, wrench: Array, topic: s
 
 
 def _notes(done: Run) -> list[str]:
-    """What is said on stderr, but of the delay, which poses at rest do not tell."""
-    return [line for line in done.err.splitlines() if "delay" not in line]
+    """What is said on stderr, but of the delay, which poses at rest do not tell, and of doubts."""
+    return [line for line in beside_its_doubt(done.err).splitlines() if "delay" not in line]
 
 
 FLAGS = {

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import contactwrench as cw
+from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.calibration.text import flowed
 from tests.support.bags import pose_stamped, wrench_stamped, write_bag
-from tests.support.recordings import PANDA, PAPER, Run, run, run_quietly, rz
+from tests.support.recordings import PANDA, PAPER, beside_its_doubt, run, run_quietly, rz
 
 Capture = pytest.CaptureFixture[str]
 VERBS = (
@@ -167,7 +169,8 @@ def test_compensate_says_what_it_wrote_and_replaces_what_was_there_with_force(
     done = run(capsys, *command, *([] if before is None else ["--force"]))
     rows = {"out.csv": "20 rows", "out.mcap": "20 messages of /wrench/contact"}[name]
     note = "Note: the calibration does not name its base: taken to be base (--base-frame names it)\n"
-    assert done == Run(0, f"Wrote the contact wrenches, {rows}, to {tmp_path / name}\n", note)
+    wrote = f"Wrote the contact wrenches, {rows}, to {tmp_path / name}\n"
+    assert (done.status, done.out, beside_its_doubt(done.err)) == (0, wrote, note)
     assert (tmp_path / name).read_bytes() != before
     assert [entry.name for entry in tmp_path.iterdir()] == [name]
 
@@ -180,10 +183,32 @@ def test_a_folder_that_is_there_is_never_replaced(folder: Path, tmp_path: Path, 
     assert (tmp_path / name).is_dir()
 
 
+def test_why_a_calibration_is_not_good_is_repeated_where_it_is_used(tmp_path: Path, capsys: Capture) -> None:
+    """The first reason of the worst kind; of a good one nothing."""
+    good = replace(cw.calibrate(cw.read(PAPER), "mount"), findings=())
+    good.save(tmp_path / "good.json")
+    doubts = (
+        Finding(Kind.CREEP, Severity.WARNING, "it creeps"),
+        Finding.doubtful(Kind.CABLE, "a cable pulls: route it anew"),
+        Finding.doubtful(Kind.GAIN, "a gain is off: calibrate the sensor"),
+    )
+    replace(good, findings=doubts).save(tmp_path / "doubtful.json")
+    weak = Finding.weak(Kind.UNCERTAIN_PARAMETER, "the weight is known to 20 %: record more poses")
+    replace(good, findings=(*doubts, weak)).save(tmp_path / "weak.json")
+    for name, said in (
+        ("good", ""),
+        ("doubtful", "the calibration is doubtful: a cable pulls: route it anew"),
+        ("weak", "the calibration is weak: the weight is known to 20 %: record more poses"),
+    ):
+        path = tmp_path / f"{name}.json"
+        done = run(capsys, "compensate", PAPER, "-c", path)
+        assert done.err == (f"Note: {said}\n" if said else "")
+
+
 def test_without_an_output_the_contact_wrenches_go_to_stdout(folder: Path, capsys: Capture) -> None:
     arguments = ("compensate", folder / "panda.csv", "-c", folder / "panda.json")
     done = run(capsys, *arguments)
-    assert (done.status, done.err) == (0, "")
+    assert (done.status, beside_its_doubt(done.err)) == (0, "")
     assert len(done.out.splitlines()) == 18
     assert run(capsys, *arguments, "-o", "-") == done
 

@@ -196,13 +196,32 @@ def test_a_contact_that_never_changes_may_be_a_bias_that_stepped() -> None:
     assert compensator.zero(held).shift[1] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.01])
+def test_a_zero_that_moves_while_the_arm_does_may_be_one(share: float) -> None:
+    """Somebody tares the sensor on the way: a contact from then on, the same in sensor axes however the arm turns, but
+    for a gain that is 1 % off.
+    """
+    calibration, rig, rng = calibrated(9)
+    n = 15_000
+    R = swinging(rng, n)
+    wrench = free(rig, R, rng)
+    wrench += share * (readings(rig, R) - rig.bias)
+    wrench[1000:] -= wrench[1000]
+    batch = cw.Compensator(calibration, rate=RATE, noise=NOISE).run(wrench, R, times(n))
+    assert batch.contact[1100:].all()
+    assert batch.reason[10_500] is None
+    assert batch.reason[-1] == "contact or bias: nothing has changed for 14 s; zero() where nothing touches"
+    assert batch.valid.all()
+
+
 @pytest.mark.parametrize("what", ["a hand", "the arm turns"])
 def test_a_contact_that_changes_is_one(what: str) -> None:
+    """By a hand, or a weight, which turns in sensor axes as the arm does."""
     calibration, rig, rng = calibrated(9)
     n = 15_000
     R = still(rng, n) if what == "a hand" else swinging(rng, n)
     wrench = free(rig, R, rng)
-    wrench[1000:, 1] += 1.0
+    wrench[1000:, :3] += (R @ rig.R_flange_sensor)[1000:, 2]
     if what == "a hand":
         wrench[:, 1] += 0.3 * np.sin(0.5 * times(n))
     batch = cw.Compensator(calibration, rate=RATE, noise=NOISE).run(wrench, R, times(n))

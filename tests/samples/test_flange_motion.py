@@ -210,6 +210,42 @@ def test_what_shakes_an_arm_goes_on_when_it_has_stopped() -> None:
     assert alone.stirred.tolist() == [[9.0, 9.0]]
 
 
+@pytest.mark.parametrize("jumps", ["jerk", "acceleration"])
+@pytest.mark.parametrize("rate", [30.0, 60.0])
+def test_what_poses_do_not_tell_of_a_move_is_known_by_its_size(rate: float, jumps: str) -> None:
+    """Moves in 0.5 s each, between which the jerk or the acceleration jumps: what it is against what is found."""
+    rng, period = np.random.default_rng(8), 0.002
+    t = np.arange(0.0, 20.0, period)
+    move, s = (t // 0.5).astype(int), t % 0.5 / 0.5
+    way = np.vstack([np.zeros(4), np.cumsum(0.1 * rng.normal(size=(41, 4)), axis=0)])
+    step = way[move + 1] - way[move]
+    along, bend = s**3 * (10.0 - 15.0 * s + 6.0 * s**2), 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / 0.5**2
+    if jumps == "acceleration":
+        along, bend = s**2 * (3.0 - 2.0 * s), (6.0 - 12.0 * s) / 0.5**2
+    place, true = way[move] + along[:, None] * step, bend[:, None] * step
+    axis = np.array([0.36, 0.48, 0.8])
+    R = Rotation.from_rotvec(place[:, 3:] * axis).as_matrix()
+    told = np.arange(0, len(t), round(1.0 / rate / period))
+    poses = OrientationStream(t[told], R[told], place[told, :3])
+    samples = synchronize(Streams(WrenchStream(t, np.zeros((len(t), 6))), poses)).samples
+    motion, rows = flange_motion(samples), np.searchsorted(t, np.asarray(samples.t))
+    assert motion.untold is not None
+    spun = motion.angular_acceleration - true[rows, 3:] * axis
+    moved = motion.acceleration - np.einsum("nij,ni->nj", R[rows], true[rows, :3])
+    z = np.hstack([spun, moved])[motion.inside] / np.sqrt(motion.untold[motion.inside])
+    assert 0.2 < np.sqrt(np.mean(z**2)) < 1.0
+    assert np.abs(z).max() < 5.0
+
+
+def test_of_a_motion_far_below_the_bandwidth_next_to_nothing_is_untold() -> None:
+    analytic = Analytic(np.arange(4000) / 1000.0, 1.0)
+    motion = flange_motion(analytic.samples, BANDWIDTH)
+    assert motion.untold is not None
+    found = np.column_stack([motion.angular_acceleration, motion.acceleration])
+    inside = motion.inside
+    assert np.sqrt(motion.untold[inside].max()) < 0.02 * np.abs(found[inside]).max()
+
+
 def test_what_tells_no_motion_is_refused_word_for_word() -> None:
     analytic = Analytic(np.arange(100) / 100.0, 1.0)
     whole = analytic.samples

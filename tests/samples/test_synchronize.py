@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -255,10 +256,34 @@ def test_where_no_reading_is_a_number_it_is_refused() -> None:
         ({"longest_gap": 0.0}, "longest_gap is 0.0, expected s above 0"),
     ],
 )
-def test_arguments_that_mean_nothing_are_refused(arguments: dict[str, float], words: str) -> None:
+def test_arguments_that_mean_nothing_are_refused(arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError) as caught:
         synchronize(_streams(*_regular()), **arguments)
     assert str(caught.value) == words
+
+
+def test_orientations_are_put_at_their_pace() -> None:
+    """Sent at 125 Hz, some of them lost, and stamped as they came: by the mean of a second the stamps are even."""
+    rng = np.random.default_rng(6)
+    sent = np.arange(0.0, 8.0, 0.008)
+    R, got = smooth_rotations(sent, rng), rng.random(len(sent)) > 0.02
+    came = sent + 0.003 + 5e-4 * rng.normal(size=len(sent))
+    t = np.arange(1.0, 7.0, 0.002)
+    true = Slerp(sent + 0.003, Rotation.from_matrix(R))(t)
+    streams = _streams(t, came[got], R=R[got])
+
+    def off(found: Synchronized) -> float:
+        turn = true[found.rows].inv() * Rotation.from_matrix(found.samples.R_base_flange)
+        return float(np.sqrt(np.mean(turn.magnitude() ** 2)))
+
+    whole = synchronize(streams, at_their_pace=True)
+    assert off(whole) < 0.25 * off(synchronize(streams))
+    parts = [
+        Streams(streams.wrench.select(streams.wrench.t // 2.0 == k), streams.orientation.select(came[got] // 2.0 == k))
+        for k in range(4)
+    ]
+    rows = np.concatenate([part.samples.R_base_flange for part in synchronized(parts, at_their_pace=True)])
+    assert np.array_equal(rows, whole.samples.R_base_flange)
 
 
 # Poses that were held

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -105,6 +106,12 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Run:
     status = run_quietly(arguments)
     captured = capsys.readouterr()
     return Run(status, captured.out, captured.err)
+
+
+def beside_its_doubt(err: str | bytes) -> str:
+    """What is said on stderr, but for why the verdict on the calibration that is used is not good."""
+    text = err.decode() if isinstance(err, bytes) else err
+    return re.sub(r"^Note: the calibration is (doubtful|weak): .*\n", "", text, count=1, flags=re.MULTILINE)
 
 
 def run_quietly(arguments: Sequence[str | Path]) -> int:

@@ -60,8 +60,8 @@ class HeldObject(Frozen, WithFindings):
     a line along it (as well as the mounting is known), of which `com` is the point nearest to the sensor's origin.
     `com_flange`, `com_flange_std` (3,) m: the same in flange axes, still from the sensor's origin; None where com is
     not known in full or the model has no mounting. `residual_rms` (6,) N and N m of what a rigid object leaves; `chi2`
-    of it per degree of freedom (1 expected), and the `probability` of one as large or larger; `dof` of every variance,
-    as in `Calibration`; `g` m/s^2. `findings`: what was left out, cannot be told, or contradicts the calibration.
+    of it per degree of freedom (1 expected), and the `probability` of one as large or larger: below 1 % variances are
+    `chi2` times as large (Birge 1932). Their `dof`, as in `Calibration`; `g` m/s^2. `findings`: what cannot be told.
     """
 
     mass: float
@@ -107,7 +107,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     if not poses:
         raise InputError(f"{samples.source}: found no samples, expected poses in which the object is held")
     R = np.array([pose.R_base_flange for pose in poses])
-    contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
+    contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)[..., None]
     down, turned = _down(calibration, R)
     across, unknown_along = _seen(down)
     # Wrenches (n, 6, 1 + k) of a unit mass at the origin, and of unit moments along the columns of `across`.
@@ -117,7 +117,6 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     variance = np.maximum(reading_variance(calibration, poses), 1e-300)
     root = square_root(calibration.error_covariance)
     of_tool = calibration.error_jacobian(R)
-    contact = contact[..., None]
     tried = []
     for off in SHARES_OFF * largest_turn(calibration):
         x = np.zeros(gravity.shape[2])
@@ -134,13 +133,15 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     of_all = np.concatenate([errors, any_zero], axis=2)
     by_poses, of_poses, less = _least_squares(white @ gravity, white @ of_all, white @ contact)
     mass, moment = float(x[0]), across @ x[1:]
+    test = MisfitTest(misfit, contact.size - len(x), noise_dof(calibration))
+    surely = calibration.t_quantile(THREE_STD) * float(np.sqrt(x_covariance[0, 0]))
+    x_covariance *= test.chi2 if test.probability < SIGNIFICANCE else 1.0
 
-    unfold = np.zeros((4, len(x)))
-    unfold[0, 0], unfold[1:, 1:] = 1.0, across
+    unfold = np.eye(4, len(x))
+    unfold[1:, 1:] = across
     covariance = unfold @ x_covariance @ unfold.T
     mass_std = float(np.sqrt(covariance[0, 0]))
     com = com_covariance = com_flange = com_flange_std = None
-    surely = calibration.t_quantile(THREE_STD) * mass_std
     if mass > surely:
         com = moment / mass
         of_com = np.column_stack([-com, np.eye(3)]) @ unfold / mass
@@ -152,7 +153,6 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
             turn = cross_matrix(com) @ mounting_turn(calibration.error_names) @ root
             com_flange = R_flange_sensor @ com
             com_flange_std = np.sqrt(np.diag(R_flange_sensor @ (com_covariance + turn @ turn.T) @ R_flange_sensor.T))
-    test = MisfitTest(misfit, contact.size - len(x), noise_dof(calibration))
     zero = MisfitTest(max(misfit - less, 0.0), 6, test.dof), MisfitTest(less, max(test.readings - 6, 1), test.dof)
     own = _ByPoses(float(by_poses[0]), float(np.sqrt(of_poses[0, 0])), *zero)
     return HeldObject(

@@ -39,6 +39,7 @@ UNIT_OF = dict(zip((*LINEAR_PARAMETERS, "yaw", "delay", *DYNAMIC_PARAMETERS), _U
 """The unit of each parameter."""
 TERMS = 12
 ACCELERATION = slice(9, 12)
+SECOND_DERIVATIVES = [*range(3), *range(9, 12)]
 """Places in the terms."""
 
 _UNIT_ALPHA, _UNIT_PRODUCTS, _UNIT_ACCELERATION = np.zeros((TERMS, 3)), np.zeros((TERMS, 3, 3)), np.zeros((TERMS, 3))
@@ -263,6 +264,9 @@ def covariance_in_motion(c: CalibrationFields, R_base_flange: Array, motion: Fla
     of_acceleration = dynamics.matrix[:, ACCELERATION]
     total += variance[:, None, None] * (of_acceleration @ of_acceleration.T)
     total[:, range(3, 6), range(3, 6)] += torque[:, None]
+    if motion.untold is not None:
+        of_second = dynamics.matrix[:, SECOND_DERIVATIVES]
+        total += (of_second * motion.untold[:, None]) @ of_second.T
     exerted = np.hypot(dynamics.static_rms, motion.terms @ dynamics.matrix.T)
     total[:, range(6), range(6)] += np.where(motion.inside[:, None], 0.0, exerted**2)
     return total

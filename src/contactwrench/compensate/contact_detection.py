@@ -12,7 +12,6 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import Range
-from ..samples.poses import SAME_POSE_ANGLE
 from .bias_tracking import CREEP, RECOVERY, REMNANT, predict, whiten
 from .contact_wrenches import FREE, TOUCHING, Contact
 from .faults import FINE, LEARNED, LEARNING, SAME
@@ -28,9 +27,10 @@ TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
 LEARN_FIRST, LEARN_LAST, LEARN_SAMPLES = 1.0, 32.0, 50.0
 """s of free samples, and samples, from which the noise is learned; anew with twice as many, up to the last."""
-SAME_SECONDS = 10.0
-"""For which a contact does not change at all before it may be a bias that moved."""
-SAME_POSE = 2.0 * SAME_POSE_ANGLE**2
+SAME_SECONDS, SAME_SHARE = 10.0, 0.03
+"""For which a contact does not change, but for that share of its force and torque, before it may be a bias that moved:
+in sensor axes, as a bias does not, however the arm turns.
+"""
 FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)
 
 
@@ -255,21 +255,19 @@ def end_contact(s: State, sample: Sample, now: float) -> None:
 
 @kernel
 def stays_the_same(s: State, mean: Row) -> None:
-    """Note since when a contact has not changed by more than noise, its mean (6,) over a block, nor the arm turned."""
-    moved = turned = 0.0
-    for k in range(6):
-        apart = mean[k] - s.same_mean[k]
-        moved += apart * apart / (2.0 * s.block_noise[k])
-    for k in range(9):
-        apart = s.R[k] - s.same_R[k]
-        turned += apart * apart
-    if s.same_since == s.same_since and moved < s.begin and turned < SAME_POSE:
+    """Note since when a contact has not changed by more than noise and a share of it, its mean (6,) over a block."""
+    moved = 0.0
+    for group in range(0, 6, 3):
+        x, y, z = s.same_mean[group], s.same_mean[group + 1], s.same_mean[group + 2]
+        most = SAME_SHARE * sqrt(x * x + y * y + z * z)
+        for k in range(group, group + 3):
+            apart = max(abs(mean[k] - s.same_mean[k]) - most, 0.0)
+            moved += apart * apart / (2.0 * s.block_noise[k])
+    if s.same_since == s.same_since and moved < s.begin:
         return
     s.same_since = s.block_time
     for k in range(6):
         s.same_mean[k] = mean[k]
-    for k in range(9):
-        s.same_R[k] = s.R[k]
 
 
 @kernel

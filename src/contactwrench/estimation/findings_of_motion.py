@@ -156,8 +156,8 @@ def of_rate(samples: Samples, usual: float) -> Iterator[Finding]:
     rate = 1.0 / (period or float(np.median(np.diff(t))))
     if rate < ENOUGH_POSES * usual:
         text = (
-            f"{what} came at {rate:.3g} Hz, and the arm moved at up to {usual:.2g} Hz: what lies between is guessed "
-            f"and in no std: record them at {ENOUGH_POSES * usual:.2g} Hz or faster, or move more slowly"
+            f"{what} came at {rate:.3g} Hz, and the arm moved at up to {usual:.2g} Hz: what lies between is guessed, "
+            f"online a start is in no std: record them at {ENOUGH_POSES * usual:.2g} Hz or faster, or move more slowly"
         )
         yield Finding.doubtful(Kind.SLOW_POSES, text)
 

@@ -127,8 +127,8 @@ def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibrati
     applied = is_significant(calibration.delay or 0.0, calibration.delay_std or np.inf)
     late = (calibration.delay, calibration.delay_std) if applied else (0.0, None)
     try:
-        samples = synchronize(replace(streams, wrench=readings), late[0] or 0.0, late[1]).samples
-        moved = with_motion(calibration, samples, None)
+        paired = synchronize(replace(streams, wrench=readings), late[0] or 0.0, late[1], at_their_pace=True)
+        moved = with_motion(calibration, paired.samples, None)
     except ContactWrenchError:
         return calibration
     new = moved.findings[len(calibration.findings) :]

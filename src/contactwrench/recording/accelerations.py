@@ -34,7 +34,7 @@ def with_accelerations(samples: Samples, path: str | Path, options: Options) -> 
         FileAccessError, FileFormatError: it cannot be read, or holds no accelerations.
         InputError: it has no times in common with the wrench.
     """
-    if options.imu is None:
+    if options.imu is None or not len(samples):
         return samples
     suffix = Path(options.imu).suffix.lower()
     names_a_table = suffix and suffix in SUFFIXES_OF_TABLES

@@ -16,7 +16,6 @@ from shlex import join
 from typing import Any
 
 from ..calibration.calibration import Calibration
-from ..calibration.findings import Severity
 from ..errors import ContactWrenchError, FileFormatError, InputError
 from ..files import name_of
 from ..geometry.orientation import RECOGNISED_BY_NAME
@@ -123,10 +122,9 @@ def as_calibrated(
         frame = None if read.inverse_orientation else taken.base_frame  # which names the flange then
         calibration, of_base = in_base_of_recording(calibration, options.base_frame or frame, str(path))
         notes += [of_base] if of_base is not None else []
-    weak = [
-        f"the calibration is {finding.text}" for finding in calibration.findings if finding.severity is Severity.WEAK
-    ]
-    return AsCalibrated(read, calibration, (*notes, *weak[:1]))
+    verdict = calibration.verdict
+    doubts = [f"the calibration is {finding.text}" for finding in calibration.findings if finding.severity == verdict]
+    return AsCalibrated(read, calibration, (*notes, *doubts[:1]))
 
 
 def _differences(

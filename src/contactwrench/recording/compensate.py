@@ -234,7 +234,8 @@ def _paired(
         by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
         note(f"the wrench is taken to be stamped {by} than the orientation, {whose}")
     every_row = batches(path, options, advance=advance, every=True, **_at_once(calibration))
-    parts = synchronized(order.listening(_telling(every_row, path, options, note)), delay)
+    listened = order.listening(_telling(every_row, path, options, note))
+    parts = synchronized(listened, delay, at_their_pace=calibration.dynamics is not None)
     begun = list(islice(parts, 2))
     compensator, standing, off = None, Standing(), OffThroughout(calibration)
     in_doubt = InDoubt(calibration.with_gravity(treatment.gravity))

@@ -197,7 +197,7 @@ def on_one_clock(streams: Streams) -> tuple[Samples, tuple[str, ...]]:
     even = Even()
     streams = even.whole(streams)
     delay = _delay_of_free_readings(streams)
-    paired = synchronize(streams, delay.value if delay.significant else 0.0)
+    paired = synchronize(streams, delay.value if delay.significant else 0.0, at_their_pace=True)
     return _with_delay(paired.samples, delay), (*even.notes, delay_in_words(delay), *paired.notes)
 
 

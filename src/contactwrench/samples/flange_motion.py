@@ -28,6 +28,10 @@ from .timestamps import spread_evenly
 ROLL_OFF = 1.0
 """Of the bandwidth, above it: there the filter's gain falls to zero."""
 LEAST_GAIN = 0.2
+OCTAVE = 0.5
+"""Of the bandwidth, from there on to it: a motion whose acceleration jumps has there as much as all above, one whose
+jerk does seven times as much.
+"""
 HALF_WIDTH, SIDE_LOBES = 3.5, 6.0
 """Periods of the bandwidth, to each side, over which the filter reaches; and how softly it ends (Kaiser's beta)."""
 SLOWEST, FASTEST, OF_POSES = 1.0, 100.0, 0.3
@@ -52,7 +56,8 @@ class FlangeMotion(Rows):
     that an accelerometer told, which is that of its own place, whole. `R_base_flange`
     (n, 3, 3) is the orientation, the way between interpolated poses bent. `inside` (n,) is False where the filter
     reaches beyond the recording, or into a gap, and what is there was guessed. `stirring` (n, 2): the mean square of
-    acceleration and angular speed over the last `RINGING` s, m^2/s^4 and rad^2/s^2; None: as at the moment.
+    acceleration and angular speed over the last `RINGING` s, m^2/s^4 and rad^2/s^2; None: as at the moment. `untold`
+    (n, 6): the variance of what lies above the bandwidth, of angular acceleration and acceleration; None: nothing does.
     `of_accelerometer`: whether one told the accelerations, which are then those of its place.
     """
 
@@ -63,6 +68,7 @@ class FlangeMotion(Rows):
     inside: NDArray[np.bool_] = field(metadata=column(kind=np.bool_))
     bandwidth: float = FASTEST
     stirring: Array | None = field(default=None, metadata=column(2))
+    untold: Array | None = field(default=None, metadata=column(6))
     of_accelerometer: bool = False
 
     @property
@@ -135,7 +141,7 @@ def flange_motion(
         raise InputError(f"{samples.source}: found gaps everywhere, expected {FEWEST} rows in a row or more")
     if bandwidth is None:
         bandwidth = _bandwidth(max(grids, key=lambda grid: len(grid[1]))[1], period, node)
-    motion = np.zeros((len(t), 13))
+    motion = np.zeros((len(t), 19))
     for rows, signal in grids:
         motion[rows] = _differentiated(t[rows], signal, period, node, bandwidth)
     R = samples.R_base_flange @ (np.eye(3) + cross_matrix(motion[:, 9:12]))
@@ -151,6 +157,7 @@ def flange_motion(
         motion[:, 12] == 1.0,
         bandwidth,
         stirring,
+        _mean_squares(motion[:, 13:], R, round(1.0 / bandwidth / period)),
         accelerometer is not None,
     )
 
@@ -169,6 +176,16 @@ def _bridged(place: Array, known: NDArray[np.bool_], t: Array) -> tuple[Array, N
 
 def _squares(acceleration: Array, angular_velocity: Array) -> Array:
     return np.stack([np.sum(each**2, axis=1) for each in (acceleration, angular_velocity)], axis=1)
+
+
+def _mean_squares(upper: Array, R_base_flange: Array, rows: int) -> Array:
+    """Of angular acceleration, and acceleration in base axes, the mean squares (n, 6) in flange axes over so many rows
+    around each.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    own = np.hstack([upper[:, :3], np.einsum("nij,ni->nj", R_base_flange, upper[:, 3:])])
+    return np.asarray(uniform_filter1d(own**2, max(rows, 1), axis=0, mode="nearest"))
 
 
 def _remembered(squares: Array, period: float) -> Array:
@@ -216,7 +233,8 @@ def _bandwidth(signal: Array, period: float, node: float) -> float:
 
 def _differentiated(t: Array, signal: Array, period: float, straight: float, bandwidth: float) -> Array:
     """At times (k,) of a section the first derivative of its path, the second of path and position, by how much the
-    path is off straight lines between the poses, and whether the filter stays inside (k, 13).
+    path is off straight lines between the poses, whether the filter stays inside, and what the upper octave of the
+    bandwidth has of the second derivatives (k, 19).
     """
     from scipy.signal import oaconvolve
 
@@ -231,10 +249,13 @@ def _differentiated(t: Array, signal: Array, period: float, straight: float, ban
     velocity = oaconvolve(wide[:, :3], first[:, None], mode="valid", axes=0)
     acceleration = oaconvolve(wide, second[:, None], mode="valid", axes=0)
     off = oaconvolve(wide[:, :3], bent[:, None], mode="valid", axes=0)
+    below = _taps(0, period, 0.0, OCTAVE * bandwidth)
+    longer = np.pad(acceleration, ((len(below) // 2, len(below) // 2), (0, 0)), mode="edge")
+    upper = acceleration - oaconvolve(longer, below[:, None], mode="valid", axes=0)
     place = np.arange(n)
     began, ended = (_rests(end, period) for end in (signal, signal[::-1]))
     inside = (began | (place >= half // 2)) & (ended | (place < n - half // 2))  # its outer taps are next to nothing
-    known = np.column_stack([velocity, acceleration, off, inside.astype(np.float64)])
+    known = np.column_stack([velocity, acceleration, off, inside.astype(np.float64), upper])
     grid = t[0] + period * place
     return np.stack([np.interp(t, grid, values) for values in known.T], axis=1)
 

@@ -18,14 +18,12 @@ from .buffer import Buffer, Nodes
 from .change_detection import NoiseOfMeans, Segment, noise_of_windows, segments_between_changes
 from .poses import SAME_POSE_ANGLE
 from .samples import Samples
-from .timestamps import FINEST
+from .timestamps import FINEST, GAP_IN_ROWS, at_pace
 
 CELL = 0.01
 """s: what is faster than this is no motion of an arm; orientations that come faster are thinned."""
 SMOOTHED = 0.05
 """s, over which readings and motion are averaged: an arm trembles, and so do the digits of its pose."""
-PACED = 1.0
-"""s, over which a pace is even."""
 PRODUCTS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -98,7 +96,7 @@ def arm_motion(buffer: Buffer, nodes: Nodes, longest_gap: float) -> ArmMotion:
     if fast >= 2.0:
         index = index[:: int(fast)]
     R = orientations.R_base_flange[index]
-    t = _evened(orientations.t[index], R.reshape(-1, 9))
+    t = at_pace(orientations.t[index], R.reshape(-1, 9))
     is_gap = np.r_[0, np.cumsum(np.diff(orientations.t[: nodes.count]) > longest_gap)]
     position = None if orientations.position is None else orientations.position[index]
     state = _state(t, R, None if position is None or np.isnan(position).any() else position)
@@ -124,30 +122,6 @@ def _state(t: Array, R: Array, position: Array | None) -> Array:
     return np.concatenate(state, axis=1)
 
 
-def _evened(t: Array, values: Array) -> Array:
-    """The stamps (n,), or those of messages that were sent at an even pace, some of them lost, singly or in gaps alone,
-    and stamped as they came: if the values (n, m) then change more smoothly. An arm at 1 m/s whose stamps are 1 ms off
-    seems to accelerate at 10 m/s^2.
-    """
-    from scipy.ndimage import uniform_filter1d
-
-    steps = np.diff(t)
-    period = float(np.median(steps))
-    near = 2 * round(0.5 * PACED / period) + 1
-    evened = []
-    for shortest_loss in (GAP_IN_ROWS, 1.5):
-        counted = np.where(steps < shortest_loss * period, 1.0, np.round(steps / period))
-        even = t[0] + period * np.r_[0.0, np.cumsum(counted)]
-        evened.append(even + uniform_filter1d(t - even, near, mode="nearest"))
-
-    def unsteady(t: Array) -> float:
-        velocity = np.diff(values, axis=0) / np.diff(t)[:, None]
-        return float((np.diff(velocity, axis=0) ** 2).sum())
-
-    closest = min(evened, key=lambda stamps: float(((stamps - t) ** 2).sum()))
-    return closest if np.diff(closest).min() > 0.0 and unsteady(closest) < unsteady(t) else t
-
-
 def _derivative(middle: Array, rate: Array) -> Array:
     """The derivative at the nodes of a `rate` that is known in the `middle` of the steps between them; at both ends
     that of the nodes next to them.
@@ -167,8 +141,7 @@ FEWEST_ROWS = 5
 """Of a segment."""
 
 LONGEST_GAP = 0.1
-GAP_IN_ROWS = 5.0
-"""A gap ends a segment: s, and rows where these take longer. No arm turns away and comes back in less."""
+"""s; a gap ends a segment, and `GAP_IN_ROWS` where these take longer. No arm turns away and comes back in less."""
 
 STILL_ANGLE = SAME_POSE_ANGLE / 10.0
 """An arm that turns by less from one window to the next stands: the sensor feels less than 1/2000 of the weight."""

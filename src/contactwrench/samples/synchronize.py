@@ -20,7 +20,7 @@ from ..statistics import counted
 from .buffer import Buffer, Nodes, Readings, nodes_of, with_batch
 from .bursts import Even
 from .samples import ReadAs, Samples, Streams
-from .timestamps import notes_of, require_common_span, require_times
+from .timestamps import at_pace, notes_of, require_common_span, require_times
 
 LEAST_GAP, GAP_SPACINGS = 0.05, 5.0
 """A gap is longer than this many s and longer than this many median spacings of the stream, where no limit is given."""
@@ -77,7 +77,11 @@ class Synchronized(Frozen):
 
 
 def synchronize(
-    streams: Streams, delay: float = 0.0, delay_std: float | None = None, longest_gap: float | None = None
+    streams: Streams,
+    delay: float = 0.0,
+    delay_std: float | None = None,
+    longest_gap: float | None = None,
+    at_their_pace: bool = False,
 ) -> Synchronized:
     """The samples of a recording: every reading with the orientation at its stamp less the delay.
 
@@ -90,28 +94,35 @@ def synchronize(
         delay_std: of the delay, s; where it is given, the samples carry both.
         longest_gap: between two orientations with samples between them, s; None: 5 times their median spacing and at
             least 0.05 s.
+        at_their_pace: orientations that were sent evenly and stamped as they came are put where they were sent, so that
+            an acceleration can be taken from them.
 
     Raises:
         InputError: stamps that cannot be put in order, streams without a common span, gaps that leave less than half
             of it.
     """
-    return next(synchronized([streams], delay, delay_std, longest_gap))
+    return next(synchronized([streams], delay, delay_std, longest_gap, at_their_pace))
 
 
 def synchronized(
-    batches: Iterable[Streams], delay: float = 0.0, delay_std: float | None = None, longest_gap: float | None = None
+    batches: Iterable[Streams],
+    delay: float = 0.0,
+    delay_std: float | None = None,
+    longest_gap: float | None = None,
+    at_their_pace: bool = False,
 ) -> Iterator[Synchronized]:
     """The same for a long recording in consecutive batches: for each what is decided by then; together exactly what
     `synchronize` makes of the whole, and its errors.
 
-    Held back are 0.1 s, for messages that come late, and what one stream is ahead of the other. Where `longest_gap` is
-    None, the rule above is applied to the first orientations alone.
+    Held back are 0.1 s, for messages that come late, and what one stream is ahead of the other; everything, where
+    orientations are put `at_their_pace`. Where `longest_gap` is None, the rule above is applied to the first
+    orientations alone.
     """
     if not np.isfinite(delay):
         raise InputError(f"delay is {delay!r}, expected s")
     if longest_gap is not None and not longest_gap > 0.0:
         raise InputError(f"longest_gap is {longest_gap!r}, expected s above 0")
-    pairing, even = _Pairing(delay, delay_std, longest_gap), Even()
+    pairing, even = _Pairing(delay, delay_std, longest_gap, at_their_pace), Even()
     before: Streams | None = None
     for batch in even.batches(batches):
         if before is not None:
@@ -131,8 +142,9 @@ def default_gap(t: Array) -> float:
 class _Pairing:
     """A recording as its batches come: the rows that wait, and what of those before has no sample."""
 
-    def __init__(self, delay: float, delay_std: float | None, longest_gap: float | None) -> None:
+    def __init__(self, delay: float, delay_std: float | None, longest_gap: float | None, at_their_pace: bool) -> None:
         self._delay, self._delay_std, self._longest_gap = delay, delay_std, longest_gap
+        self._at_their_pace = at_their_pace
         self._buffer: Buffer | None = None
         self._limits: Limits | None = None
         self._count: Counter[str] = Counter()
@@ -149,9 +161,12 @@ class _Pairing:
         if self._limits is None and (is_last or buffer.is_begun):
             longest_gap = self._longest_gap or default_gap(buffer.orientations.t)
             self._limits = Limits(longest_gap, default_gap(buffer.readings.t))
-        if self._limits is None:
+        if self._limits is None or (self._at_their_pace and not is_last):
             return self._nothing(buffer)
         nodes = nodes_of(buffer, self._limits.orientation, is_last)
+        if self._at_their_pace and len(nodes.t) > 2:
+            R = buffer.orientations.R_base_flange[nodes.index]
+            nodes = replace(nodes, t=at_pace(nodes.t, R.reshape(-1, 9)))
         if self._pose_period is None and len(nodes.t) > 1:
             self._pose_period = float(np.median(np.diff(nodes.t)))
         n = buffer.decided(nodes.until + self._delay, is_last) if len(nodes.t) > 1 else 0  # one alone: none is between
