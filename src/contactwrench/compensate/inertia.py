@@ -25,7 +25,9 @@ MEMORY = 0.02
 OF_JUMPS = 0.3
 """White noise of poses: the variance of a second difference, 6, over that of how two in a row differ, 20."""
 CHANGES, CHANGING = 0.25, 0.016
-"""Of the mean over jumps that says how the wrench changes: four poses; or as many as come in so many s, if fewer."""
+"""Of the mean over jumps that says how the wrench changes: four poses; or as many as come in so many s, if fewer and if
+one jump is like the next, as those of noise are not.
+"""
 KINDS = (slice(0, 3), slice(3, 9), slice(9, 12))
 """Of terms: angular acceleration, products of the angular velocity, acceleration."""
 FURTHEST = 1e3
@@ -253,12 +255,14 @@ def jump(s: State, counts: bool) -> None:
     """By how much the model's wrench differs from that at the pose before: on average that is how it changes, and the
     rest the noise of the poses.
     """
-    newest = max(CHANGES, min(s.pose_usual / CHANGING, 1.0))
+    rare = max(CHANGES, min(s.pose_usual / CHANGING, 1.0))
     for i in range(6):
         wrench = exerted(s.D[i], s.terms)
         off = wrench - s.inertial[i]
         s.inertial[i] = wrench
-        s.trend[i] += newest * (off - s.trend[i])
+        s.alike[i] += MEMORY * (off * s.off[i] - s.alike[i])
+        s.off[i] = off
+        s.trend[i] += (rare if s.alike[i] > 0.0 else CHANGES) * (off - s.trend[i])
         if counts:
             s.pose_noise[i] += MEMORY * (OF_JUMPS * off * off - s.pose_noise[i])
 

@@ -147,6 +147,8 @@ class State:
     seen: Row = numbers(TERMS)
     inertial: Row = numbers(6)
     trend: Row = numbers(6)
+    off: Row = numbers(6)
+    alike: Row = numbers(6)
     stopping: Row = numbers(6)
     stopping_until: float = -inf
     lag: Row = numbers(6)
