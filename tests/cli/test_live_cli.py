@@ -85,6 +85,8 @@ SCHEMES = ", ".join(each.scheme for each in known_sources())
          "found --from and --sensor, expected one: a recording has both streams"),
         ("--from a.csv --robot ur://x",
          "found --from and --robot, expected one: a recording has both streams"),
+        ("--sensor stdin: --wizard --no-page",
+         "found --wizard and stdin:, expected one to read what comes in: use the page"),
         ("--from a.csv --no-page",
          "found --no-page and no calibration, expected -c CAL.json, or --wizard"),
         ("--from a.csv", "a.csv: there is no such file, expected a readable file: check the path"),
@@ -174,7 +176,7 @@ def test_the_calibration_of_another_device(
     tmp_path: Path, capsys: Capture, calibration: Path, devices: tuple[str, str], role: str, real: str
 ) -> None:
     known = cw.Calibration.load(calibration)
-    replace(known, provenance={**known.provenance, role: "another"}).save(tmp_path / "other.json")
+    replace(known, provenance={**known.provenance, f"live_{role}": "another"}).save(tmp_path / "other.json")
     said = complaint(
         capsys, "live", "--sensor", devices[0], "--robot", devices[1], "-c", tmp_path / "other.json", "--no-page"
     )
@@ -215,6 +217,26 @@ def test_a_session_runs_before_other_programs_where_it_may(
         assert run(capsys, "live", *arguments).status == 0
     assert seen == [then]
     assert policies[-1] == policy
+
+
+@pytest.mark.parametrize(
+    ("was", "now"),
+    [
+        ("Universal Robots e-series, PolyScope 5.12.0", "Universal Robots e-series, PolyScope 5.13.1"),
+        ("lines of udp://:9555", "lines of udp://:9556"),
+        ("SRI M8128", "SRI M8128"),
+    ],
+)
+def test_a_calibration_is_that_of_a_kind_of_device(was: str, now: str) -> None:
+    """Whose program may be a newer one; and the names are no options for reading what was recorded."""
+    from contactwrench.live.devices import require_devices, with_devices
+    from contactwrench.live.source import About
+    from contactwrench.recording.options import remembered
+
+    before, after = (About(name, wrench=True, orientation=True) for name in (was, now))
+    known = with_devices(cw.calibrate(cw.read(PANDA), "mount"), before, before)
+    require_devices(known, "cal.json", after, after)
+    assert "robot" not in remembered(known.provenance)
 
 
 def test_the_calibration_of_a_larger_sensor() -> None:

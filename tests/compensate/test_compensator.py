@@ -39,8 +39,8 @@ EVERYTHING: dict[str, Any] = {
 }
 
 
-def _plain(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
-    return cw.Compensator(calibration, noise=NOISE, **({"rate": RATE, "fast": False} | settings))
+def _compensator(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
+    return cw.Compensator(calibration, noise=NOISE, **({"rate": RATE} | settings))
 
 
 def _same(one: ContactWrenches, other: ContactWrenches) -> None:
@@ -59,7 +59,7 @@ def test_a_contact_comes_back_whatever_the_tool_and_its_mounting(seed: int) -> N
     calibration, rig, rng = calibrated(seed, exact=True)
     R = swinging(rng, 50)
     contact = rng.normal(size=(50, 6))
-    compensator = _plain(calibration)
+    compensator = _compensator(calibration)
     batch = compensator.run(readings(rig, R) + contact, Rotation.from_matrix(R).as_quat(), times(50))
     assert np.abs(batch.wrench - contact).max() < 1e-7
     assert batch.valid.all()
@@ -70,7 +70,7 @@ def test_a_contact_comes_back_whatever_the_tool_and_its_mounting(seed: int) -> N
 def test_a_free_tool_is_zero_within_its_std(seed: int) -> None:
     calibration, rig, rng = calibrated(seed)
     R = swinging(rng, 400)
-    batch = _plain(calibration).run(free(rig, R, rng), R, times(400))
+    batch = _compensator(calibration).run(free(rig, R, rng), R, times(400))
     z = batch.wrench / batch.std
     assert np.abs(z).max() < 6.5
     assert 0.6 < np.sqrt(np.mean(z**2)) < 1.7
@@ -82,9 +82,9 @@ def test_a_rotated_base_with_rotated_gravity_changes_nothing(seed: int) -> None:
     calibration, rig, rng = calibrated(seed)
     R = swinging(rng, 60)
     wrench, turn = free(rig, R, rng), Rotation.random(random_state=rng).as_matrix()
-    here = _plain(calibration, drift=TYPICAL_DRIFT).run(wrench, R, times(60))
+    here = _compensator(calibration, drift=TYPICAL_DRIFT).run(wrench, R, times(60))
     gravity = turn @ calibration.gravity_direction
-    there = _plain(calibration, drift=TYPICAL_DRIFT, gravity=gravity).run(wrench, turn @ R, times(60))
+    there = _compensator(calibration, drift=TYPICAL_DRIFT, gravity=gravity).run(wrench, turn @ R, times(60))
     assert there.wrench == pytest.approx(here.wrench, abs=1e-9)
     assert there.std == pytest.approx(here.std, rel=1e-6)
 
@@ -210,7 +210,7 @@ def test_the_low_pass_is_scipys_and_starts_at_rest() -> None:
     calibration, rig, rng = calibrated(4, exact=True)
     R = swinging(rng, 300)
     push = rng.normal(size=(300, 6)) + 5.0
-    batch = _plain(calibration, lowpass=LowPass(30.0, 4)).run(readings(rig, R) + push, R, times(300))
+    batch = _compensator(calibration, lowpass=LowPass(30.0, 4)).run(readings(rig, R) + push, R, times(300))
     sections = butter(4, 30.0, fs=RATE, output="sos")
     start = sosfilt_zi(sections)[:, :, None] * push[0]
     expected, _ = sosfilt(sections, push, axis=0, zi=start)
@@ -223,9 +223,9 @@ def test_the_rate_is_taken_from_the_stamps() -> None:
     calibration, rig, rng = calibrated(5, exact=True)
     R, push = swinging(rng, 400), rng.normal(size=(400, 6))
     wrench, t = readings(rig, R) + push, times(400, 500.0)
-    found = _plain(calibration, rate=None, lowpass=20.0).run(wrench, R, t)
+    found = _compensator(calibration, rate=None, lowpass=20.0).run(wrench, R, t)
     assert found.wrench[:25] == pytest.approx(push[:25], abs=1e-6)
-    told = _plain(calibration, rate=500.0, lowpass=20.0).run(wrench[25:], R[25:], t[25:])
+    told = _compensator(calibration, rate=500.0, lowpass=20.0).run(wrench[25:], R[25:], t[25:])
     assert found.wrench[25:] == pytest.approx(told.wrench, abs=1e-6)
     assert found.valid.all()
 
@@ -256,7 +256,7 @@ def test_behind_the_sensors_filter_no_gravity_is_left_over(seed: int) -> None:
     calibration, rig, rng = calibrated(seed, exact=True)
     wrench, R, t = _turn(rig, rng, 0.0, 10.0)
     without, left = (
-        np.linalg.norm(_plain(calibration, sensor_filter=each).run(wrench, R, t).wrench[:, :3], axis=1).max()
+        np.linalg.norm(_compensator(calibration, sensor_filter=each).run(wrench, R, t).wrench[:, :3], axis=1).max()
         for each in (None, 10.0)
     )
     assert without > 0.01 * rig.weight
@@ -268,7 +268,7 @@ def test_the_delay_is_taken_into_account(delay: float, ratio: float) -> None:
     calibration, rig, rng = calibrated(11, exact=True)
     wrench, R, t = _turn(rig, rng, delay, None)
     without, left = (
-        np.linalg.norm(_plain(calibration, delay=each).run(wrench, R, t).wrench[:, :3], axis=1).max()
+        np.linalg.norm(_compensator(calibration, delay=each).run(wrench, R, t).wrench[:, :3], axis=1).max()
         for each in (0.0, delay)
     )
     assert without > ratio * left
@@ -278,10 +278,10 @@ def test_the_calibrations_delay_counts_where_it_is_significant() -> None:
     from dataclasses import replace
 
     calibration, _, _ = calibrated(6)
-    assert _plain(calibration).delay == 0.0
-    assert _plain(replace(calibration, delay=0.01, delay_std=0.001)).delay == 0.01
-    assert _plain(replace(calibration, delay=0.01, delay_std=0.005)).delay == 0.0
-    assert _plain(replace(calibration, delay=0.01, delay_std=0.001), delay=0.0).delay == 0.0
+    assert _compensator(calibration).delay == 0.0
+    assert _compensator(replace(calibration, delay=0.01, delay_std=0.001)).delay == 0.01
+    assert _compensator(replace(calibration, delay=0.01, delay_std=0.005)).delay == 0.0
+    assert _compensator(replace(calibration, delay=0.01, delay_std=0.001), delay=0.0).delay == 0.0
 
 
 def test_the_bias_is_learned_in_free_space_and_kept_in_contact() -> None:
@@ -291,7 +291,7 @@ def test_the_bias_is_learned_in_free_space_and_kept_in_contact() -> None:
     wrench, moved = free(rig, R, rng), np.array([0.1, -0.08, 0.05, 0.004, 0.003, -0.003])
     wrench += np.minimum(np.arange(n) / 3000.0, 1.0)[:, None] * moved
     wrench[4000:5500, 2] -= 1.0
-    follows = _plain(calibration, drift=100.0 * TYPICAL_DRIFT)
+    follows = _compensator(calibration, drift=100.0 * TYPICAL_DRIFT)
     follows.run(wrench[:4000], R[:4000], times(n)[:4000])
     learned = follows.drift + calibration.predict(R[0]) - readings(rig, R[:1])[0]
     assert learned == pytest.approx(moved, abs=0.3 * NOISE.max())
@@ -300,7 +300,7 @@ def test_the_bias_is_learned_in_free_space_and_kept_in_contact() -> None:
     assert np.array_equal(before, follows.drift)
     assert batch.contact[20:].all()
     assert batch.std[1400, 0] > batch.std[100, 0]
-    stays = _plain(calibration)
+    stays = _compensator(calibration)
     stays.run(wrench, R, times(n))
     assert not stays.drift.any()
 
@@ -310,21 +310,21 @@ def test_temperature_moves_the_bias_as_told() -> None:
     R, heat = swinging(rng, 200), np.linspace(20.0, 30.0, 200)
     per_kelvin = np.array([0.1, -0.2, 0.05, 0.001, 0.0, 0.002])
     wrench = readings(rig, R) + np.outer(heat - 20.0, per_kelvin)
-    batch = _plain(calibration, temperature_coefficient=per_kelvin).run(wrench, R, times(200), heat)
+    batch = _compensator(calibration, temperature_coefficient=per_kelvin).run(wrench, R, times(200), heat)
     assert np.abs(batch.wrench).max() < 1e-6
-    without = _plain(calibration).run(wrench, R, times(200), heat)
+    without = _compensator(calibration).run(wrench, R, times(200), heat)
     assert np.abs(without.wrench[-1]).max() == pytest.approx(2.0, abs=1e-3)
-    unknown = _plain(calibration, temperature_coefficient=per_kelvin)(wrench[0], R[0], 1.0)
+    unknown = _compensator(calibration, temperature_coefficient=per_kelvin)(wrench[0], R[0], 1.0)
     assert np.abs(unknown.wrench).max() < 1e-6
 
 
 def test_std_has_calibration_and_noise() -> None:
     calibration, rig, rng = calibrated(9)
     R = still(rng, 500)
-    sample = _plain(calibration)(free(rig, R, rng)[0], R[0], 0.0)
+    sample = _compensator(calibration)(free(rig, R, rng)[0], R[0], 0.0)
     assert sample.std == pytest.approx(np.hypot(calibration.wrench_std(R[0]), NOISE), rel=0.3)
     assert (sample.std >= np.hypot(calibration.wrench_std(R[0]), NOISE) * (1.0 - 1e-9)).all()
-    filtered = _plain(calibration, lowpass=10.0).run(free(rig, R, rng), R, times(500))
+    filtered = _compensator(calibration, lowpass=10.0).run(free(rig, R, rng), R, times(500))
     assert filtered.std[0] == pytest.approx(sample.std)
     assert (filtered.std[-1] < 0.7 * sample.std).all()
     assert (filtered.std[-1] >= calibration.wrench_std(R[0])).all()
@@ -335,7 +335,7 @@ def test_one_number_stands_for_forces_and_for_torques_at_a_lever_of_5_cm() -> No
     R = still(rng, 400)
     wrench, six = free(rig, R, rng), 0.05 * np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
     told, short = (
-        cw.Compensator(calibration, rate=RATE, fast=False, noise=2.0 * each, drift=each).run(wrench, R, times(400))
+        cw.Compensator(calibration, rate=RATE, noise=2.0 * each, drift=each).run(wrench, R, times(400))
         for each in (six, 0.05)
     )
     _same(told, short)
@@ -349,7 +349,7 @@ def test_std_is_honest_after_turns(drift: Array | None) -> None:
     z = []
     for seed in range(10):
         calibration, rig, rng = calibrated(seed)
-        compensator = _plain(calibration, drift=drift)
+        compensator = _compensator(calibration, drift=drift)
         for k in range(4):
             R = still(rng, 400)
             batch = compensator.run(free(rig, R, rng), R, times(400) + 0.4 * k)
@@ -364,7 +364,7 @@ def test_std_is_honest_after_turns(drift: Array | None) -> None:
 def test_results_are_read_only() -> None:
     calibration, rig, rng = calibrated(10)
     R = still(rng, 3)
-    wrench, compensator = free(rig, R, rng), _plain(calibration)
+    wrench, compensator = free(rig, R, rng), _compensator(calibration)
     sample, batch = compensator(wrench[0], R[0], 0.0), compensator.run(wrench, R, times(3))
     for array in (sample.wrench, sample.std, batch.wrench, batch.contact, compensator.drift):
         assert not array.flags.writeable
@@ -400,13 +400,13 @@ def test_results_are_read_only() -> None:
 def test_settings_that_cannot_be_meant(settings: dict[str, Any], message: str) -> None:
     calibration, _, _ = calibrated(1)
     with pytest.raises(InputError) as caught:
-        cw.Compensator(calibration, **({"rate": RATE, "fast": False} | settings))
+        cw.Compensator(calibration, **({"rate": RATE} | settings))
     assert str(caught.value).startswith(message)
 
 
 def test_shapes_are_refused() -> None:
     calibration, _, _ = calibrated(1)
-    compensator = _plain(calibration)
+    compensator = _compensator(calibration)
     with pytest.raises(InputError) as caught:
         compensator(np.zeros(5), np.eye(3), 0.0)
     assert str(caught.value) == ("wrench and orientation have shapes (5,) and (3, 3), expected (6,) and (3, 3) or (4,)")

@@ -29,7 +29,7 @@ def _run(R: Array, change: Callable[[Array], object] | None = None, **settings: 
 
 
 def _compensator(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
-    usual: dict[str, Any] = {"rate": RATE, "noise": NOISE, "lowpass": 50.0, "fast": False}
+    usual: dict[str, Any] = {"rate": RATE, "noise": NOISE, "lowpass": 50.0}
     return cw.Compensator(calibration, **(usual | settings))
 
 
@@ -124,8 +124,9 @@ def test_a_missing_second() -> None:
     assert _compensator(calibration).run(wrench, R, short).valid.all()
 
 
-@pytest.mark.parametrize(("delay", "back"), [(0.05, 50), (-0.05, 50), (-0.004, 20), (0.0, 0)])
-@pytest.mark.parametrize("fast", [False, None])
+@pytest.mark.parametrize(
+    ("delay", "back", "fast"), [(0.05, 50, None), (-0.05, 50, False), (-0.004, 20, None), (0.0, 0, None)]
+)
 def test_what_the_delay_asks_for_is_not_known_at_first(delay: float, back: int, fast: bool | None) -> None:
     """An arm that turns at 60 deg/s from the start and through a gap: what is left with an orientation that is not the
     wrench's is flagged, and taken for no contact.
@@ -198,10 +199,11 @@ def test_a_stuck_channel() -> None:
     assert np.abs(batch.wrench[2000:] / batch.std[2000:]).max() < 6.5
 
 
-@pytest.mark.parametrize("fast", [False, True])
-@pytest.mark.parametrize(("channel", "at"), [(0, 1.234), (5, 1.234), (3, 0.0), (1, 0.0)])
+@pytest.mark.parametrize(
+    ("channel", "at", "fast"), [(0, 1.234, None), (5, 1.234, False), (3, 0.0, None), (1, 0.0, None)]
+)
 def test_a_channel_that_never_moved_while_the_others_of_its_group_do_is_stuck(
-    channel: int, at: float, fast: bool
+    channel: int, at: float, fast: bool | None
 ) -> None:
     calibration, rig, rng = calibrated(8)
     R = _swing(3000)
@@ -221,7 +223,7 @@ def test_one_at_rest_that_is_three_times_as_coarse_as_the_others_is_not(noises: 
     wrench = free(rig, R, rng)
     for channel, step in enumerate(noises * NOISE[:3] * [1.0, 1.0, 3.0]):
         wrench[:, channel] = np.round(wrench[:, channel] / step) * step
-    batch = cw.Compensator(calibration, rate=RATE, fast=False).run(wrench, R, times(4000))
+    batch = cw.Compensator(calibration, rate=RATE).run(wrench, R, times(4000))
     assert "stuck" not in _words(batch)
 
 
@@ -257,8 +259,9 @@ def test_a_reading_that_stops_altogether() -> None:
     assert str(batch.reason[2400]) == "stuck: the whole reading has not moved for 0.9 s"
 
 
-@pytest.mark.parametrize(("rate", "seconds"), [(50.0, 0.4), (100.0, 0.2), (250.0, 0.2), (500.0, 0.2)])
-@pytest.mark.parametrize("fast", [False, None])
+@pytest.mark.parametrize(
+    ("rate", "seconds", "fast"), [(50.0, 0.4, None), (100.0, 0.2, False), (250.0, 0.2, None), (500.0, 0.2, None)]
+)
 def test_a_reading_that_stops_is_believed_for_the_same_time_at_every_rate(
     rate: float, seconds: float, fast: bool | None
 ) -> None:
@@ -368,6 +371,6 @@ def test_after_every_fault_the_filter_is_at_the_reading_again() -> None:
     R = _swing()
     wrench = readings(rig, R) + 1e-3 * NOISE * rng.normal(size=(N, 6))
     wrench[1000:1600, 1] = 500.0
-    batch = cw.Compensator(calibration, rate=RATE, noise=NOISE, lowpass=2.0, fast=False).run(wrench, R, times(N))
+    batch = cw.Compensator(calibration, rate=RATE, noise=NOISE, lowpass=2.0).run(wrench, R, times(N))
     assert _words(batch) == {"stuck"}
     assert np.abs(batch.wrench[1600:, 1]).max() < 0.01

@@ -411,6 +411,23 @@ def test_poses_that_stop_while_the_arm_moves_are_no_motion(held: int, fast: bool
         assert found.valid[start + held + 10]
 
 
+@pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])
+def test_a_push_at_rest_is_felt_behind_poses_that_froze(fast: bool) -> None:
+    """The last of them came a cycle late, as of a stop that no arm makes: that is no noise of poses, and forgotten."""
+    s = recorded(free())
+    rest = 1500
+    row = np.r_[np.arange(1500), 1499, 1500, np.full(len(s) - 1502, 1500), np.full(rest, len(s) - 1)]
+    noise = np.repeat([0.05, 0.002], 3) * np.random.default_rng(8).normal(size=(rest, 6))
+    still = of_exact_poses().predict(s.R_base_flange[-1]) + noise
+    still[-500:, :3] += [3.0, 0.0, 0.0]
+    still[-500:, 3:] += np.cross(of_exact_poses().com, [3.0, 0.0, 0.0])
+    t = np.r_[s.t, s.t[-1] + (1.0 + np.arange(rest)) / RATE]
+    found = running(fast).run(np.vstack([s.wrench, still]), s.R_base_flange[row], t, position=s.position[row])
+    assert found.valid[-rest + 100 :].all()
+    assert not (found.contact[-rest + 100 : -500] == 1).any()
+    assert (found.contact[-450:] == 1).all()
+
+
 @pytest.mark.parametrize(("every", "told"), [(5, True), (12, True), (25, False), (52, False), (120, False)])
 def test_poses_that_come_too_rarely_tell_no_motion(every: int, told: bool) -> None:
     """At 500 Hz, each held for so many samples; at 9.6 Hz free air had read 69 N."""

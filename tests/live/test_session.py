@@ -46,8 +46,10 @@ def calibration(at_poses: dict[int, Driver]) -> cw.Calibration:
 
 WORLDS = {
     "pull, upright": {},
-    "pull, from the ceiling": {"down": (0.0, 0.0, 1.0), "mounting": FLIPPED, "com": (0.01, -0.02, -0.06)},
-    "reaction, from the ceiling, late": {"sign": -1.0, "down": (0.0, 0.0, 1.0), "delay": 0.04},
+    "reaction, from the ceiling, late": {
+        **{"sign": -1.0, "delay": 0.04, "down": (0.0, 0.0, 1.0)},
+        **{"mounting": FLIPPED, "com": (0.01, -0.02, -0.06)},
+    },
 }
 
 
@@ -233,6 +235,26 @@ def test_a_new_zero_is_taken_and_a_touched_tool_gives_none(calibration: cw.Calib
     drive.play(drive.world.hold(1.0, np.array([5.0, 0.0, 0.0])))
     drive.do(Command.ZERO)
     assert drive.said("refusal")[0].startswith("no new zero: ")
+
+
+def test_a_zero_that_moved_is_taken_anew(calibration: cw.Calibration) -> None:
+    """From the first reading on, so that its contact began when nobody looked; while the arm runs it takes ten s."""
+    moved = np.array([0.5, -0.3, 0.4, 0.02, 0.0, 0.01])
+    drive = Driver(world(10), calibration)
+    drive.world.bias = tuple(np.add(drive.world.bias, moved))
+    drive.play(drive.world.stand(1.5))
+    assert drive.shown().contact.contact  # type: ignore[union-attr]
+    drive.do(Command.ZERO)
+    assert drive.said("zero")[0].startswith("the zero moved by 0.7")
+    drive.play(drive.world.stand(1.5))
+    assert not drive.shown().contact.contact  # type: ignore[union-attr]
+    drive.world.bias = tuple(np.add(drive.world.bias, moved))
+    drive.play(drive.world.stand(5.0))
+    drive.do(Command.ZERO)
+    assert drive.said("refusal")[-1].startswith("no new zero: in contact since ")
+    drive.play(drive.world.stand(6.5))
+    drive.do(Command.ZERO)
+    assert len(drive.said("zero")) == 2
 
 
 def test_a_session_of_one_device_that_gives_both() -> None:

@@ -24,8 +24,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("ros_motion")
 
 
-@pytest.mark.parametrize(("rate", "most"), [(500, 0.06), (125, 0.19), (100, 0.26)])
-@pytest.mark.parametrize("tf", [True, False])
+@pytest.mark.parametrize(
+    ("rate", "most", "tf"), [(500, 0.06, True), (500, 0.06, False), (125, 0.19, True), (100, 0.26, False)]
+)
 def test_free_motion_is_no_contact(rate: int, most: float, tf: bool, folder: Path) -> None:
     """At 500 Hz no more is left than of the whole recording; at less, the poses are older than the readings."""
     found = felt(Arm(rate, tf), folder)

@@ -108,6 +108,10 @@ def live(
         (not (sensor or recorded), "found neither --sensor nor --from, expected --sensor URI, or --from FILE"),
         (bool(recorded and sensor), "found --from and --sensor, expected one: a recording has both streams"),
         (bool(recorded and robot), "found --from and --robot, expected one: a recording has both streams"),
+        (
+            wizard and "stdin" in {str(uri).partition(":")[0] for uri in (sensor, robot)},
+            "found --wizard and stdin:, expected one to read what comes in: use the page",
+        ),
     )
     host, port = _address(listen)
     known = None if calibration is None else Calibration.load(calibration)

@@ -154,6 +154,7 @@ class State:
     lag: Row = numbers(6)
     lag_memory: Matrix = numbers(2 * SECTIONS, 6)
     pose_noise: Row = numbers(6)
+    noise_before: Row = numbers(6)
     motion_memory: Matrix = numbers(2 * SECTIONS, TERMS)
     motion_next: int = 0
     motion_at: int = 0

@@ -19,6 +19,8 @@ LEAST_RATE, SILENCE = 10.0, 1.5
 """Hz: what comes more rarely takes too long to count before a session; and s without a sample, which is no rate."""
 LOOK = 0.1
 """s that a read waits."""
+OF_DEVICE = {"sensor": "live_sensor", "robot": "live_robot"}
+"""Where a calibration has the name of each."""
 
 
 def probed(source: Source, *, wrench: bool, orientation: bool) -> tuple[About, Batch]:
@@ -72,17 +74,22 @@ def _at_its_rate(source: Source, about: About) -> Batch:
 
 def with_devices(calibration: Calibration, sensor: About, robot: About) -> Calibration:
     """The calibration with the names of its devices."""
-    names = {"sensor": sensor.name, "robot": robot.name}
+    names = {OF_DEVICE["sensor"]: sensor.name, OF_DEVICE["robot"]: robot.name}
     return replace(calibration, provenance={**calibration.provenance, **names})
 
 
+def _kind(name: str) -> str:
+    """Of a device, without the version of its program, and without the port at which lines come."""
+    return name.partition(", ")[0].partition("://")[0]
+
+
 def require_devices(calibration: Calibration, name: str, sensor: About, robot: About) -> None:
-    """Raise `InputError` where a calibration, called `name`, is of another sensor or robot, or exceeds what the sensor
-    can read. A calibration that names none is believed.
+    """Raise `InputError` where a calibration, called `name`, is of another kind of sensor or robot, or exceeds what the
+    sensor can read. A calibration that names none is believed.
     """
     for role, about in (("sensor", sensor), ("robot", robot)):
-        known = calibration.provenance.get(role)
-        if known is not None and known != about.name:
+        known = calibration.provenance.get(OF_DEVICE[role])
+        if known is not None and _kind(str(known)) != _kind(about.name):
             raise InputError(f"{name}: found the calibration of {known}, expected one of {about.name}: name its own")
     if sensor.ranges is not None:
         free = np.abs(calibration.bias) + np.linalg.norm(calibration.B[:, :3], axis=1)

@@ -117,22 +117,32 @@ def with_delay(calibration: Calibration, streams: Streams | None) -> Calibration
 
 def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibration:
     """The calibration with the inertia that the motion tells, where the robot's poses have positions and nothing of it
-    is in doubt: a tool that was led by hand, or positions that are not those of this arm, are no way to tell it.
+    is in doubt: a tool that was led by hand, or positions that are not those of this arm, are no way to tell it. Else
+    it says why there is none.
     """
-    if streams is None or streams.orientation.position is None or len(streams.orientation) < 2:
+    if streams is None or len(streams.orientation) < 2:
         return calibration
+    if streams.orientation.position is None:
+        return _without_inertia(calibration, "the robot's poses have no positions")
     if np.median(np.diff(streams.orientation.t)) > SLOWEST_POSES:  # in the run they would tell no motion
-        return calibration
+        return _without_inertia(calibration, f"poses came less than {1.0 / SLOWEST_POSES:.0f} times a second")
     readings = streams.wrench.select(slice(None, None, max(len(streams.wrench) // MOST_ROWS, 1)))
     applied = is_significant(calibration.delay or 0.0, calibration.delay_std or np.inf)
     late = (calibration.delay, calibration.delay_std) if applied else (0.0, None)
     try:
         paired = synchronize(replace(streams, wrench=readings), late[0] or 0.0, late[1], at_their_pace=True)
         moved = with_motion(calibration, paired.samples, None)
-    except ContactWrenchError:
-        return calibration
+    except ContactWrenchError as error:
+        return _without_inertia(calibration, str(error).removeprefix(f"{readings.source}: "))
     new = moved.findings[len(calibration.findings) :]
-    return calibration if any(finding.severity is not Severity.NOTE for finding in new) else moved
+    doubt = next((finding.text for finding in new if finding.severity is not Severity.NOTE), None)
+    return moved if doubt is None else _without_inertia(calibration, doubt)
+
+
+def _without_inertia(calibration: Calibration, why: str) -> Calibration:
+    """The calibration, with a word on what its tool does while the arm accelerates."""
+    text = f"the tool's inertia is not known, and reads as contact while the arm accelerates: {why}"
+    return replace(calibration, findings=(*calibration.findings, Finding(Kind.UNTOLD_BY_MOTION, Severity.NOTE, text)))
 
 
 def doubts_of(calibration: Calibration, poses: tuple[Taken, ...]) -> dict[int, str]:

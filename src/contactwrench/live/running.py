@@ -148,8 +148,6 @@ class Runner:
     def zero(self, history: History) -> str:
         """Take the bias anew from what a free tool reads now; what it did, in words. Raises `InputError`."""
         t, wrench, orientation = history.last(ZERO_OVER)
-        if self._touching:
-            raise InputError("no new zero: the tool is in contact, expected a free one: let go of it")
         if not len(t) or not np.isfinite(orientation).all():
             raise InputError("no new zero: the robot's orientation is missing, expected both streams: wait for them")
         zero = self._compensator.zero(Samples(self.sign * wrench, from_quat_xyzw(orientation), t.copy()))

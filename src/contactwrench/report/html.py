@@ -26,6 +26,7 @@ from ..version import __version__
 from . import figures, signals
 
 HEAD = {"source": "file", "created": "calibrated", "robot": "robot", "wrench_topic": "sensor"}
+HEAD |= {"live_robot": "robot", "live_sensor": "sensor"}
 """What the head says of the provenance, as far as anybody stated it."""
 
 
