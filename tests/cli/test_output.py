@@ -184,7 +184,7 @@ def test_a_folder_that_is_there_is_never_replaced(folder: Path, tmp_path: Path, 
 
 
 def test_why_a_calibration_is_not_good_is_repeated_where_it_is_used(tmp_path: Path, capsys: Capture) -> None:
-    """The first reason of the worst kind; of a good one nothing."""
+    """The first reason of the worst kind, in short; of a good one nothing."""
     good = replace(cw.calibrate(cw.read(PAPER), "mount"), findings=())
     good.save(tmp_path / "good.json")
     doubts = (
@@ -197,8 +197,8 @@ def test_why_a_calibration_is_not_good_is_repeated_where_it_is_used(tmp_path: Pa
     replace(good, findings=(*doubts, weak)).save(tmp_path / "weak.json")
     for name, said in (
         ("good", ""),
-        ("doubtful", "the calibration is doubtful: a cable pulls: route it anew"),
-        ("weak", "the calibration is weak: the weight is known to 20 %: record more poses"),
+        ("doubtful", "the calibration is doubtful: a cable pulls"),
+        ("weak", "the calibration is weak: the weight is known to 20 %"),
     ):
         path = tmp_path / f"{name}.json"
         done = run(capsys, "compensate", PAPER, "-c", path)

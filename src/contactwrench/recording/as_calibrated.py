@@ -122,9 +122,8 @@ def as_calibrated(
         frame = None if read.inverse_orientation else taken.base_frame  # which names the flange then
         calibration, of_base = in_base_of_recording(calibration, options.base_frame or frame, str(path))
         notes += [of_base] if of_base is not None else []
-    verdict = calibration.verdict
-    doubts = [f"the calibration is {finding.text}" for finding in calibration.findings if finding.severity == verdict]
-    return AsCalibrated(read, calibration, (*notes, *doubts[:1]))
+    doubts = [finding.text.split(": ") for finding in calibration.findings if finding.severity == calibration.verdict]
+    return AsCalibrated(read, calibration, (*notes, *(f"the calibration is {': '.join(d[:2])}" for d in doubts[:1])))
 
 
 def _differences(
