@@ -349,6 +349,18 @@ def test_an_arm_that_stops_and_is_quite_still_is_not_frozen(every: int) -> None:
     assert batch.valid.all()
 
 
+@pytest.mark.parametrize("between", [2, 4])
+def test_a_single_wrong_pose_of_an_arm_at_rest_is_not_frozen(between: int) -> None:
+    """It is 6 deg off, and looked up at so many readings a pose, so that the arm seems to go there and back."""
+    calibration, rig, rng = calibrated(8)
+    R = np.concatenate([way := swinging(rng, 1571, speed=0.2), np.tile(way[-1], (1429, 1, 1))])  # half a period
+    share = np.maximum(1.0 - np.abs(np.arange(3000) - 2000) / between, 0.0)
+    wrong = R @ Rotation.from_rotvec(np.outer(share, [0.06, 0.08, 0.0])).as_matrix()
+    found = cw.Compensator(calibration, rate=RATE, noise=NOISE).run(free(rig, R, rng), wrong, times(3000))
+    assert found.valid[2010:].all()
+    assert not (found.contact[2100:] == 1).any()
+
+
 def test_an_orientation_that_always_jittered_and_now_repeats() -> None:
     calibration, rig, rng = calibrated(11)
     R = still(rng, N)

@@ -28,8 +28,8 @@ LEAST_REPEATS, NEVER_MOVED = 100.0, 10.0
 CHANCE_OF_REPEATS = 207.0
 """-10 log 1e-9: a run of repeated values that independent noise gives once in 10^9, ten times over, as noise that was
 filtered moves that much more slowly."""
-BRAKING = 20.0
-"""rad/s^2: no arm stops a turn faster."""
+BRAKING, FASTEST = 20.0, 20.0
+"""rad/s^2 and rad/s: no arm stops a turn faster, and none turns faster: poses that seem to were wrong ones."""
 
 
 REASONS = (
@@ -199,7 +199,7 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
         last[k] = new
     straight = along > 0.5 * sqrt(squared * before)
     speed = sqrt(0.5 * squared) / since
-    s.steady = straight and min(speed, s.speed) > BRAKING * max(since, usual)
+    s.steady = straight and BRAKING * max(since, usual) < min(speed, s.speed) < FASTEST
     s.longest_rest = max(s.longest_rest, since)
     if along < 0.0 and speed < 0.05:
         s.jitter += 1.0
