@@ -196,6 +196,23 @@ def test_nothing_held_and_too_little() -> None:
     assert held.warnings == ()
 
 
+def test_readings_that_no_object_explains_widen_the_std() -> None:
+    """Ten times as noisy as the calibration knows, it holds 0.4 kg, or nothing; which is then neither."""
+    rig, R, rng = example(13, poses=24)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    z, said = [], set[Kind]()
+    for mass in (0.4, 0.0):
+        for _ in range(40):
+            at = random_rotations(8, rng)
+            wrench = _holding(rig, mass, COM, at) + 10.0 * NOISE * rng.normal(size=(8, 6))
+            held = weigh(calibration, cw.Samples(wrench, at))
+            z.append((held.mass - mass) / held.mass_std)
+            said |= {finding.kind for finding in held.findings}
+    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.3
+    assert Kind.POOR_FIT in said
+    assert Kind.NEGATIVE_MASS not in said
+
+
 def test_a_tool_that_lost_weight_is_refused() -> None:
     rig, R, rng = example(7)
     calibration = cw.calibrate(noisy(rig, R, rng), "mount")

@@ -428,6 +428,23 @@ def test_a_push_at_rest_is_felt_behind_poses_that_froze(fast: bool) -> None:
     assert (found.contact[-450:] == 1).all()
 
 
+@pytest.mark.parametrize("start", [1200, 1500, 1800, 2100])
+def test_rare_poses_that_froze_for_a_moment_are_not_noisy(start: int) -> None:
+    """At 62 Hz, for 0.2 s; neither the jump to where the arm is by then, nor the one back from that, is noise."""
+    s = recorded(free())
+    rest = 500
+    row = np.r_[np.arange(len(s)) // 8 * 8, np.full(rest, len(s) - 1)]
+    frozen = row.copy()
+    frozen[start : start + 100] = row[start]
+    still = np.tile(of_exact_poses().predict(s.R_base_flange[-1]), (rest, 1))
+    t = np.r_[s.t, s.t[-1] + (1.0 + np.arange(rest)) / RATE]
+    usual, found = (
+        running(True).run(np.vstack([s.wrench, still]), s.R_base_flange[told], t, position=s.position[told]).std[-100:]
+        for told in (row, frozen)
+    )
+    assert (found[:, :3] < 1.5 * usual[:, :3]).all()
+
+
 @pytest.mark.parametrize(("every", "told"), [(5, True), (12, True), (25, False), (52, False), (120, False)])
 def test_poses_that_come_too_rarely_tell_no_motion(every: int, told: bool) -> None:
     """At 500 Hz, each held for so many samples; at 9.6 Hz free air had read 69 N."""

@@ -255,6 +255,13 @@ def test_a_zero_that_moved_is_taken_anew(calibration: cw.Calibration) -> None:
     drive.play(drive.world.stand(6.5))
     drive.do(Command.ZERO)
     assert len(drive.said("zero")) == 2
+    before = len(drive.said("contact"))
+    drive.play(drive.world.stand(3.0, (10.0, 0.0, 0.0)))
+    drive.play(drive.world.stand(1.0))
+    said = drive.said("contact")[before:]
+    assert len(said) == 2
+    assert said[0].startswith("contact: ")
+    assert " ended, 10" in said[1]
 
 
 def test_a_session_of_one_device_that_gives_both() -> None:

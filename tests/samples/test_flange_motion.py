@@ -232,6 +232,7 @@ def test_what_poses_do_not_tell_of_a_move_is_known_by_its_size(rate: float, jump
     assert motion.untold is not None
     spun = motion.angular_acceleration - true[rows, 3:] * axis
     moved = motion.acceleration - np.einsum("nij,ni->nj", R[rows], true[rows, :3])
+    assert motion.untold.min() >= 0.0
     z = np.hstack([spun, moved])[motion.inside] / np.sqrt(motion.untold[motion.inside])
     assert 0.2 < np.sqrt(np.mean(z**2)) < 1.0
     assert np.abs(z).max() < 5.0

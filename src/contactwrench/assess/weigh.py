@@ -134,8 +134,8 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     by_poses, of_poses, less = _least_squares(white @ gravity, white @ of_all, white @ contact)
     mass, moment = float(x[0]), across @ x[1:]
     test = MisfitTest(misfit, contact.size - len(x), noise_dof(calibration))
-    surely = calibration.t_quantile(THREE_STD) * float(np.sqrt(x_covariance[0, 0]))
     x_covariance *= test.chi2 if test.probability < SIGNIFICANCE else 1.0
+    surely = calibration.t_quantile(THREE_STD) * float(np.sqrt(x_covariance[0, 0]))
 
     unfold = np.eye(4, len(x))
     unfold[1:, 1:] = across

@@ -46,6 +46,8 @@ REMNANT = 0.003
 """Of the largest contact wrench: the std of what a sensor still shows when the contact is over."""
 CREEP, RECOVERY = 0.1, 60.0
 """s: from which on such a remnant creeps, and after which it stays."""
+SAME_SECONDS = 10.0
+"""For which a contact does not change, in sensor axes, before it may be a bias that moved."""
 ALL_CREPT = log(1.0 + RECOVERY / CREEP)
 
 
@@ -246,3 +248,12 @@ def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise | N
             f"samples, expected at most {MOST_MOVED:g}; wait until nothing touches the tool"
         )
     return left.mean(axis=0), noise.of_mean(n), R[half]
+
+
+def require_let_go(s: State) -> None:
+    """Raise `InputError` in a contact whose beginning was seen, unless it has stayed the same for long."""
+    if s.touching and s.onset_seen and not s.time - s.same_since >= SAME_SECONDS:
+        raise InputError(
+            f"no new zero: in contact since t = {s.onset:g} s, expected a free tool; let go of it, or, if "
+            "nothing touches it, reset() first"
+        )

@@ -19,8 +19,8 @@ from ..geometry.wrench import wrench_rows
 from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
 from .acceleration import told
-from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start_anew, track
-from .contact_detection import LEARN_FIRST, contact_so_far, require_let_go, thresholds
+from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, require_let_go, start_anew, track
+from .contact_detection import LEARN_FIRST, contact_so_far, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .delay import use_delay
 from .faults import BACK, SAME, measured_by, reason_of

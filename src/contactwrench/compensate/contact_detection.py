@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import Range
-from .bias_tracking import CREEP, RECOVERY, REMNANT, predict, whiten
+from ..samples.poses import SAME_POSE_ANGLE
+from .bias_tracking import CREEP, RECOVERY, REMNANT, SAME_SECONDS, predict, whiten
 from .contact_wrenches import FREE, TOUCHING, Contact
 from .faults import FINE, LEARNED, LEARNING, SAME
 from .noise import SampleNoise
@@ -27,10 +27,8 @@ TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
 LEARN_FIRST, LEARN_LAST, LEARN_SAMPLES = 1.0, 32.0, 50.0
 """s of free samples, and samples, from which the noise is learned; anew with twice as many, up to the last."""
-SAME_SECONDS, SAME_SHARE = 10.0, 0.03
-"""For which a contact does not change, but for that share of its force and torque, before it may be a bias that moved:
-in sensor axes, as a bias does not, however the arm turns.
-"""
+SAME_SHARE, SAME_POSE = 0.03, 2.0 * SAME_POSE_ANGLE**2
+"""Of force and torque, by which what may be a bias that moved may change while the arm turns."""
 FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)
 
 
@@ -255,11 +253,17 @@ def end_contact(s: State, sample: Sample, now: float) -> None:
 
 @kernel
 def stays_the_same(s: State, mean: Row) -> None:
-    """Note since when a contact has not changed by more than noise and a share of it, its mean (6,) over a block."""
-    moved = 0.0
+    """Note since when a contact has not changed by more than noise, nor, while the arm turns, than a share of it; its
+    mean (6,) over a block.
+    """
+    moved = turned = 0.0
+    for k in range(9):
+        step = s.R[k] - s.same_R[k]
+        turned += step * step
+    share = SAME_SHARE if turned > SAME_POSE else 0.0
     for group in range(0, 6, 3):
         x, y, z = s.same_mean[group], s.same_mean[group + 1], s.same_mean[group + 2]
-        most = SAME_SHARE * sqrt(x * x + y * y + z * z)
+        most = share * sqrt(x * x + y * y + z * z)
         for k in range(group, group + 3):
             apart = max(abs(mean[k] - s.same_mean[k]) - most, 0.0)
             moved += apart * apart / (2.0 * s.block_noise[k])
@@ -268,6 +272,8 @@ def stays_the_same(s: State, mean: Row) -> None:
     s.same_since = s.block_time
     for k in range(6):
         s.same_mean[k] = mean[k]
+    for k in range(9):
+        s.same_R[k] = s.R[k]
 
 
 @kernel
@@ -286,12 +292,3 @@ def contact_so_far(s: Any, noise: SampleNoise, release: float | None) -> Contact
     covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(of_mean) + of_motion(s)
     mean = np.array(s.contact_sum) / rows
     return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
-
-
-def require_let_go(s: Any) -> None:
-    """Raise `InputError` in a contact whose beginning was seen, unless it has stayed the same for long."""
-    if s.touching and s.onset_seen and not s.time - s.same_since >= SAME_SECONDS:
-        raise InputError(
-            f"no new zero: in contact since t = {s.onset:g} s, expected a free tool; let go of it, or, if "
-            "nothing touches it, reset() first"
-        )

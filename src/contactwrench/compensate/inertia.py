@@ -168,9 +168,8 @@ def stand_still(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
         moving += rate[3 + k] * rate[3 + k]
     fast = sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
     s.unknown = 3 if s.poses > 0 and fast else 0
-    if s.unknown > 0:
-        for k in range(6):  # the last jump was none of noise
-            s.pose_noise[k] = s.noise_before[k]
+    for k in range(6 if s.unknown > 0 else 0):  # the last jump was none of noise
+        s.pose_noise[k] = s.noise_before[k]
     stops = s.poses > 1 and not fast
     if stops:  # by then readings that are late have yet to come from the time before; if no pose was lost
         differentiate(s, s.last_position, s.pose_usual, s.poses)
@@ -248,7 +247,7 @@ def differentiate(s: State, position: Row, passed: float, known: int) -> None:
             terms[9 + k] = before[k] * d + before[3 + k] * e + before[6 + k] * f
         if d * d + e * e + f * f > BEYOND * BEYOND:
             s.unknown = 3
-        jump(s, known > 1 and s.unknown == 0)
+        jump(s, known > 2 and s.unknown == 0)
     rate[0], rate[1], rate[2], rate[3], rate[4], rate[5] = now_x, now_y, now_z, a, b, c
     s.pose_period = passed
 
@@ -263,8 +262,9 @@ def jump(s: State, counts: bool) -> None:
         wrench = exerted(s.D[i], s.terms)
         off = wrench - s.inertial[i]
         s.inertial[i] = wrench
-        s.alike[i] += MEMORY * (off * s.off[i] - s.alike[i])
-        s.off[i] = off
+        if counts:
+            s.alike[i] += MEMORY * (off * s.off[i] - s.alike[i])
+        s.off[i] = off if s.unknown == 0 else 0.0
         s.trend[i] += (rare if s.alike[i] > 0.0 else CHANGES) * (off - s.trend[i])
         s.noise_before[i] = s.pose_noise[i]
         if counts:

@@ -245,6 +245,7 @@ class State:
     block_R: Row = numbers(9)
     same_since: float = nan
     same_mean: Row = numbers(6)
+    same_R: Row = numbers(9)
 
     # The covariance of the contact wrench, `systematic` and of the noise, and the test against it.
     dof: float = 0.0

@@ -151,6 +151,7 @@ class Runner:
         if not len(t) or not np.isfinite(orientation).all():
             raise InputError("no new zero: the robot's orientation is missing, expected both streams: wait for them")
         zero = self._compensator.zero(Samples(self.sign * wrench, from_quat_xyzw(orientation), t.copy()))
+        self._touching = False
         return f"the zero moved by {force_and_torque(zero.shift)} since the calibration"
 
     def shown(self, saved: str) -> Running:

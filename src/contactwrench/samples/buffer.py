@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array, Rows, column
 from .samples import Streams, WrenchStream
-from .timestamps import SORTED_WITHIN, Stamps, stamps_after
+from .timestamps import SORTED_WITHIN, Stamps, at_pace, stamps_after
 
 LONGEST_HOLD = 0.15
 """s: a pose repeated for as long at the most was held by who sent it (robots state theirs at 10 Hz and more), and
@@ -176,3 +176,12 @@ def nodes_of(buffer: Buffer, longest_gap: float, is_last: bool) -> Nodes:
     counts[start] = True
     index = np.flatnonzero(counts)
     return Nodes(index, t[index], count, until)
+
+
+def nodes_at_pace(buffer: Buffer, nodes: Nodes) -> Nodes:
+    """The nodes of a whole recording at the stamps that `at_pace` gives their poses."""
+    of_nodes = buffer.orientations.select(nodes.index)
+    values = of_nodes.R_base_flange.reshape(-1, 9)
+    if of_nodes.position is not None:
+        values = np.hstack([values, np.nan_to_num(of_nodes.position)])
+    return replace(nodes, t=at_pace(nodes.t, values))

@@ -185,7 +185,7 @@ def _mean_squares(upper: Array, R_base_flange: Array, rows: int) -> Array:
     from scipy.ndimage import uniform_filter1d
 
     own = np.hstack([upper[:, :3], np.einsum("nij,ni->nj", R_base_flange, upper[:, 3:])])
-    return np.asarray(uniform_filter1d(own**2, max(rows, 1), axis=0, mode="nearest"))
+    return np.asarray(np.maximum(uniform_filter1d(own**2, max(rows, 1), axis=0, mode="nearest"), 0.0))
 
 
 def _remembered(squares: Array, period: float) -> Array:

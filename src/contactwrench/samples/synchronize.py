@@ -17,10 +17,10 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import arcs_through
 from ..statistics import counted
-from .buffer import Buffer, Nodes, Readings, nodes_of, with_batch
+from .buffer import Buffer, Nodes, Readings, nodes_at_pace, nodes_of, with_batch
 from .bursts import Even
 from .samples import ReadAs, Samples, Streams
-from .timestamps import at_pace, notes_of, require_common_span, require_times
+from .timestamps import notes_of, require_common_span, require_times
 
 LEAST_GAP, GAP_SPACINGS = 0.05, 5.0
 """A gap is longer than this many s and longer than this many median spacings of the stream, where no limit is given."""
@@ -165,8 +165,7 @@ class _Pairing:
             return self._nothing(buffer)
         nodes = nodes_of(buffer, self._limits.orientation, is_last)
         if self._at_their_pace and len(nodes.t) > 2:
-            R = buffer.orientations.R_base_flange[nodes.index]
-            nodes = replace(nodes, t=at_pace(nodes.t, R.reshape(-1, 9)))
+            nodes = nodes_at_pace(buffer, nodes)
         if self._pose_period is None and len(nodes.t) > 1:
             self._pose_period = float(np.median(np.diff(nodes.t)))
         n = buffer.decided(nodes.until + self._delay, is_last) if len(nodes.t) > 1 else 0  # one alone: none is between

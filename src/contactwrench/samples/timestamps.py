@@ -20,8 +20,8 @@ FINEST = 1e-9
 """s from row to row: no recorder counts less."""
 GAP_IN_ROWS = 5.0
 """Of an even stream: what takes longer is a gap."""
-PACED = 1.0
-"""s, over which a pace is even."""
+PACED, FEWEST_AT_A_PACE = 1.0, 8
+"""s, over which a pace is even, and stamps that tell one."""
 APART = 1.0
 """s by which what follows is put behind what came before: a gap, of nobody knows which length."""
 
@@ -162,22 +162,31 @@ def spread_evenly(t: Array) -> Array:
 
 
 def at_pace(t: Array, values: Array) -> Array:
-    """The stamps (n,), or those of messages that were sent at an even pace, some of them lost, singly or in gaps alone,
-    and stamped as they came: if the values (n, m) then change more smoothly. An arm at 1 m/s whose stamps are 1 ms off
-    seems to accelerate at 10 m/s^2.
+    """The stamps (n,), or those of messages that were sent at an even pace, some of them lost, and stamped as they
+    came: where what they are then off scatters from one to the next, and the values (n, m) change more smoothly. An arm
+    at 1 m/s whose stamps are 1 ms off seems to accelerate at 10 m/s^2.
     """
-    from scipy.ndimage import uniform_filter1d
-
     steps = np.diff(t)
     period = float(np.median(steps))
-    near = 2 * round(0.25 * PACED / period) + 1
+    gaps = np.flatnonzero(steps > GAP_IN_ROWS * period) + 1
+    parts = zip(np.split(t, gaps), np.split(values, gaps), strict=True)
+    return np.concatenate([_at_pace(part, of_part, period) for part, of_part in parts])
+
+
+def _at_pace(t: Array, values: Array, period: float) -> Array:
+    """Of a stream without a gap."""
+    from scipy.ndimage import uniform_filter1d
+
+    if len(t) < FEWEST_AT_A_PACE:
+        return t
+    steps, near = np.diff(t), 2 * round(0.25 * PACED / period) + 1
     paced = []
     for shortest_loss in (GAP_IN_ROWS, 1.5):
-        counted = np.where(steps < shortest_loss * period, 1.0, np.round(steps / period))
-        even = t[0] + period * np.r_[0.0, np.cumsum(counted)]
+        count = np.r_[0.0, np.cumsum(np.where(steps < shortest_loss * period, 1.0, np.round(steps / period)))]
+        even = t[0] + np.polyval(np.polyfit(count, t - t[0], 1), count)
         late = t - even
         for _ in range(2):
-            late = uniform_filter1d(late, near, mode="nearest")
+            late = uniform_filter1d(late, near, mode="reflect")
         paced.append(even + late)
 
     def unsteady(t: Array) -> float:
@@ -185,7 +194,9 @@ def at_pace(t: Array, values: Array) -> Array:
         return float((np.diff(velocity, axis=0) ** 2).sum())
 
     closest = min(paced, key=lambda stamps: float(((stamps - t) ** 2).sum()))
-    return closest if np.diff(closest).min() > 0.0 and unsteady(closest) < unsteady(t) else t
+    off = t - closest
+    scatters = np.sum(np.diff(off) ** 2) >= np.sum(off**2) and np.abs(uniform_filter1d(off, near)).max() <= off.std()
+    return closest if scatters and np.diff(closest).min() > 0.0 and unsteady(closest) < unsteady(t) else t
 
 
 def _moment(t: float) -> str:
