@@ -59,9 +59,9 @@ class HeldObject(Frozen, WithFindings):
     one direction only, `unknown_along` (3,) is that direction, a unit vector in sensor axes: the centre of mass lies on
     a line along it (as well as the mounting is known), of which `com` is the point nearest to the sensor's origin.
     `com_flange`, `com_flange_std` (3,) m: the same in flange axes, still from the sensor's origin; None where com is
-    not known in full or the model has no mounting. `residual_rms` (6,) N and N m of what a rigid object leaves; `chi2`
-    of it per degree of freedom (1 expected), and the `probability` of one as large or larger: below 1 % variances are
-    `chi2` times as large (Birge 1932). Their `dof`, as in `Calibration`; `g` m/s^2. `findings`: what cannot be told.
+    not known in full or the model has no mounting. `residual_rms` (6,) N and N m that a rigid object leaves; `chi2` of
+    it per degree of freedom (1 expected), and the `probability` of one as large or larger: below 1 % variances are
+    `chi2` times as large (Birge 1932); their `dof`; `g` m/s^2. `findings`: what was left out, untold, or contradicts.
     """
 
     mass: float

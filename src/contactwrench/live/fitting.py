@@ -135,8 +135,8 @@ def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibrati
     except ContactWrenchError as error:
         return _without_inertia(calibration, str(error).removeprefix(f"{readings.source}: "))
     new = moved.findings[len(calibration.findings) :]
-    doubt = next((finding.text for finding in new if finding.severity is not Severity.NOTE), None)
-    return moved if doubt is None else _without_inertia(calibration, doubt)
+    doubt = next((finding for finding in new if finding.severity is not Severity.NOTE), None)
+    return moved if doubt is None else _without_inertia(calibration, doubt.text.removeprefix(f"{doubt.severity}: "))
 
 
 def _without_inertia(calibration: Calibration, why: str) -> Calibration:

@@ -123,7 +123,8 @@ def as_calibrated(
         calibration, of_base = in_base_of_recording(calibration, options.base_frame or frame, str(path))
         notes += [of_base] if of_base is not None else []
     doubts = [finding.text.split(": ") for finding in calibration.findings if finding.severity == calibration.verdict]
-    return AsCalibrated(read, calibration, (*notes, *(f"the calibration is {': '.join(d[:2])}" for d in doubts[:1])))
+    in_short = [f"the calibration is {': '.join(parts[:2])}" for parts in doubts[:1]]  # `show` has it whole
+    return AsCalibrated(read, calibration, (*notes, *in_short))
 
 
 def _differences(

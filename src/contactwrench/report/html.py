@@ -25,8 +25,8 @@ from ..statistics import three_digits
 from ..version import __version__
 from . import figures, signals
 
-HEAD = {"source": "file", "created": "calibrated", "robot": "robot", "wrench_topic": "sensor"}
-HEAD |= {"live_robot": "robot", "live_sensor": "sensor"}
+HEAD = {"source": "file", "created": "calibrated", "robot": "robot", "wrench_topic": "sensor", "live_robot": "robot",
+        "live_sensor": "sensor"}  # fmt: skip
 """What the head says of the provenance, as far as anybody stated it."""
 
 
