@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,8 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.errors import ContactWrenchError, FileFormatError
-from contactwrench.recording.compensate import Treatment, compensated_set
+from contactwrench.recording.compensate import Treatment
+from contactwrench.recording.compensate_set import compensated_set
 from contactwrench.recording.contents import table_contents
 from contactwrench.recording.options import Options
 from contactwrench.recording.read import batches, read_streams
@@ -209,7 +211,70 @@ def test_an_episode_that_cannot_be_compensated_is_named(tmp_path: Path, capsys: 
     cw.calibrate(cw.read(PANDA)).save(tool)
     path = written(tmp_path, csv_text((*HEADER, "episode_index"), np.column_stack([rows()[:21], EPISODES[:21]])))
     said = run(capsys, "compensate", path, "-c", tool, "--all-episodes", "--contact", "-o", tmp_path / "out.csv")
-    assert said.complaint == f"episode 1: {path}: found 1 orientation, expected 2 or more to interpolate between"
+    lacks = f"{path}: found 1 orientation, expected 2 or more to interpolate between"
+    assert said.complaint == f"episode 1: {lacks}; --accept-damaged takes the others"
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+@pytest.mark.parametrize("episode", [0, 4])
+@pytest.mark.parametrize("judged", [(), ("--contact", "--noise", "0.1")])
+def test_of_a_set_with_a_damaged_episode_the_others_are_compensated_where_that_is_accepted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, episode: int, judged: tuple[str, ...]
+) -> None:
+    whole, path, tool = tmp_path / f"whole{suffix}", tmp_path / f"set{suffix}", tmp_path / "tool.json"
+    cw.calibrate(cw.read(PANDA)).save(tool)
+    table = np.column_stack([Motion.wrench, QUAT, 0.1 * np.arange(60.0), EPISODES])
+    damaged, row = table.copy(), int(np.argmax(episode == EPISODES)) + 3
+    damaged[row, 6:10] *= 1.3
+    for file, numbers in ((whole, table), (path, damaged)):
+        names = (*WRENCH, "qx", "qy", "qz", "qw", "t", "episode_index")
+        if suffix == ".csv":
+            file.write_text(csv_text(names, numbers), encoding="utf-8")
+        else:
+            pq.write_table(pa.table(dict(zip(names, numbers.T, strict=True))), file, row_group_size=16)
+    wanted, found = tmp_path / f"wanted{suffix}", tmp_path / f"found{suffix}"
+    every: tuple[str | Path, ...] = ("-c", tool, "--all-episodes", *judged)
+    assert run(capsys, "compensate", whole, *every, "-o", wanted).status == 0
+    where = f"row {row + 1 + (suffix == '.csv')}, columns qx,qy,qz,qw"
+    why = (
+        f"{path}: {where}: found a quaternion of length 1.3, expected 1 within 1 %: check the order of its parts and "
+        "that none is cut off"
+    )
+    refused = run(capsys, "compensate", path, *every, "-o", found)
+    assert refused.complaint == f"episode {episode}: {why}; --accept-damaged takes the others"
+    assert not found.exists()
+    accepted = run(capsys, "compensate", path, *every, "-o", found, "--accept-damaged")
+    assert accepted.status == 0
+    assert f"Note: left out: {why} (episode {episode})" in accepted.err
+    expected, got = (_contact_wrenches(file) for file in (wanted, found))
+    whole_ones = episode != EPISODES
+    assert got[whole_ones].tolist() == expected[whole_ones].tolist()
+    assert {tuple(row) for row in got[~whole_ones, 6:].tolist()} == {(False, f"left out: {why}")}
+    assert np.isnan(got[~whole_ones, :6].astype(float)).all()
+
+
+def _contact_wrenches(path: Path) -> Any:
+    """Wrench, whether it is valid, and why not, (n, 8)."""
+    if path.suffix == ".csv":
+        with path.open(encoding="utf-8", newline="") as file:
+            cells = list(csv.DictReader(file))
+        numbers = np.array([[float(cell[name]) for name in WRENCH] for cell in cells], object)
+        return np.column_stack([numbers, [c["valid"] == "1" for c in cells], [c["reason"] or None for c in cells]])
+    table = pq.read_table(path)
+    names = [f"contact_{name}" for name in (*WRENCH, "valid", "reason")]
+    return np.array([table[name].to_pylist() for name in names], object).T
+
+
+def test_a_set_of_which_no_episode_can_be_compensated_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tool = tmp_path / "tool.json"
+    cw.calibrate(cw.read(PANDA)).save(tool)
+    two = np.column_stack([rows()[:2], [0, 1]])
+    path = written(tmp_path, csv_text((*HEADER, "episode_index"), two))
+    said = run(capsys, "compensate", path, "-c", tool, "--all-episodes", "--contact", "--accept-damaged")
+    lacks = f"{path}: found 1 orientation, expected 2 or more to interpolate between"
+    assert said.complaint == f"none of 2 episodes can be compensated: {lacks}"
 
 
 def test_a_damaged_row_group_of_another_episode_is_not_read(tmp_path: Path) -> None:
@@ -244,7 +309,9 @@ def test_of_many_different_notes_some_are_said(tmp_path: Path) -> None:
     rest = np.column_stack([np.tile([0.0, 0.0, 0.0, 1.0], (200, 1)), np.tile(0.1 * np.arange(8.0), 25), numbers])
     path, said = written(tmp_path, csv_text(names, np.column_stack([wrench, rest]))), list[str]()
     calibration = cw.calibrate(cw.read(PANDA))
-    rows_of_all = compensated_set(path, Options(), calibration, Treatment(), range(25), note=said.append)
+    rows_of_all = compensated_set(
+        path, Options(), calibration, Treatment(), dict.fromkeys(range(25), 8), note=said.append
+    )
     assert sum(len(batch) for batch in rows_of_all) == 200
     assert len(said) == len(set(said)) <= 21
     assert "found no whole reading (nothing, or NaN) in 3 rows: not used (episode 2 and 3 others)" in said

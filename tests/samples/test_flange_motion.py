@@ -210,10 +210,12 @@ def test_what_shakes_an_arm_goes_on_when_it_has_stopped() -> None:
     assert alone.stirred.tolist() == [[9.0, 9.0]]
 
 
-@pytest.mark.parametrize("jumps", ["jerk", "acceleration"])
+@pytest.mark.parametrize("jumps", ["jerk", "acceleration", "blocks"])
 @pytest.mark.parametrize("rate", [30.0, 60.0])
 def test_what_poses_do_not_tell_of_a_move_is_known_by_its_size(rate: float, jumps: str) -> None:
-    """Moves in 0.5 s each, between which the jerk or the acceleration jumps: what it is against what is found."""
+    """Moves in 0.5 s each, between which the jerk or the acceleration jumps, or that begin and end in 0.05 s with one
+    acceleration, and have nothing of some frequencies: what it is against what is found.
+    """
     rng, period = np.random.default_rng(8), 0.002
     t = np.arange(0.0, 20.0, period)
     move, s = (t // 0.5).astype(int), t % 0.5 / 0.5
@@ -222,6 +224,11 @@ def test_what_poses_do_not_tell_of_a_move_is_known_by_its_size(rate: float, jump
     along, bend = s**3 * (10.0 - 15.0 * s + 6.0 * s**2), 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / 0.5**2
     if jumps == "acceleration":
         along, bend = s**2 * (3.0 - 2.0 * s), (6.0 - 12.0 * s) / 0.5**2
+    elif jumps == "blocks":
+        ends, lasts = np.minimum(s, 1.0 - s), 0.1
+        begun = np.where(ends < lasts, ends**2 / (2.0 * lasts), ends - lasts / 2.0) / (1.0 - lasts)
+        along = np.where(s < 0.5, begun, 1.0 - begun)
+        bend = np.where(ends < lasts, np.sign(0.5 - s), 0.0) / (lasts * (1.0 - lasts)) / 0.5**2
     place, true = way[move] + along[:, None] * step, bend[:, None] * step
     axis = np.array([0.36, 0.48, 0.8])
     R = Rotation.from_rotvec(place[:, 3:] * axis).as_matrix()

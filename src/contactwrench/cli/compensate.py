@@ -95,11 +95,12 @@ def compensate(
     from ..calibration.calibration import Calibration
     from ..compensate.noise import with_torques
     from ..recording.compensate import Treatment, require_writable
+    from ..recording.compensate_set import one_of_set
     from ..report.contacts import compensate_recording
 
-    episodes = _episodes(recording, report) if all_episodes else []
+    episodes, accept = _episodes(recording, report) if all_episodes else {}, recording.options.accept_damaged
     if episodes:
-        recording = replace(recording, options=replace(recording.options, episode=episodes[0]))
+        recording = replace(recording, options=one_of_set(recording.path, recording.options, episodes))
     require_writable(output, recording.path, recording.options)
     loaded, direction = Calibration.load(calibration), options.gravity_direction(gravity)
     alike = recording.as_calibrated(loaded, direction)
@@ -117,7 +118,15 @@ def compensate(
     )
     with progress(f"compensating {recording.path.name}") as advance:
         lines, notes = compensate_recording(
-            recording.path, alike.options, alike.calibration, treatment, output, report, advance, episodes
+            recording.path,
+            alike.options,
+            alike.calibration,
+            treatment,
+            output,
+            report,
+            advance,
+            episodes,
+            accept_damaged=accept,
         )
     of_g = () if g is None else ("--g has no effect: it makes a weight a mass, and that is the calibration's",)
     options.note(*alike.notes, *of_g, *notes)
@@ -125,8 +134,8 @@ def compensate(
         options.say(line, err=str(output) == STDOUT)
 
 
-def _episodes(recording: Recordings, report: Path | None) -> list[int]:
-    """Those of a set, in the order of their rows. Raises `InputError` for what goes with one recording alone."""
+def _episodes(recording: Recordings, report: Path | None) -> dict[int, int]:
+    """The rows of each of a set, in their order. Raises `InputError` for what goes with one recording alone."""
     from ..recording.tables.episodes import episodes_in
     from ..recording.tables.table import open_set
 

@@ -66,7 +66,8 @@ OF_ANY: dict[str, Any] = {
     "imu": _text("SOURCE", "An accelerometer on the tool: a topic of the bag, a table, or columns AX,AY,AZ.", "--imu"),
     "base_frame": _text("NAME", "Of the orientations. [default: what a bag, or --robot, says]"),
     "accept_damaged": Annotated[
-        bool | None, typer.Option("--accept-damaged", help="Of a damaged bag: read what is left of it, and say so.")
+        bool | None,
+        typer.Option("--accept-damaged", help="Of a damaged bag, or a set: read what is left of it, and say so."),
     ],
 }
 READING: dict[str, dict[str, Any]] = {

@@ -6,7 +6,7 @@ One row comes out for each reading, in its order. Where it has no orientation, o
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, islice, tee
 from pathlib import Path
@@ -20,7 +20,7 @@ from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
 from ..compensate.delay import delay_of, std_of_delay
 from ..compensate.filters import LowPass, smoothed
-from ..errors import ContactWrenchError, InputError
+from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
 from ..samples.bursts import bursts_in, even_rows, spread
@@ -28,7 +28,6 @@ from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
 from ..samples.synchronize import NOT_A_NUMBER, synchronized
 from ..samples.timestamps import spread_evenly
-from ..statistics import counted
 from .accelerations import with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
@@ -45,8 +44,6 @@ from .tables.table import Table, without_reading
 from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
-MOST_NOTES = 20
-"""Of all recordings of a set together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,35 +113,6 @@ def compensated(
     if pairs is None or first is None or late or (of_bursts and calibration.dynamics is not None):
         return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
     return _smoothed(_row_by_row(chain([first], pairs), path, options, calibration, treatment, note), treatment)
-
-
-def compensated_set(
-    path: str | Path,
-    options: Options,
-    calibration: Calibration,
-    treatment: Treatment,
-    episodes: Sequence[int],
-    advance: Advance = unheard,
-    note: Tell = unheard,
-) -> Iterator[ContactWrenches]:
-    """As `compensated`, of each of the `episodes` of a set by itself; of each row it says whether it is valid."""
-    said: dict[str, list[int]] = {}
-    for k, episode in enumerate(episodes, 1):
-        notes: list[str] = []
-        try:
-            of_it = replace(options, episode=episode)
-            for batch in compensated(path, of_it, calibration, treatment, note=notes.append):
-                yield replace(batch, episode=np.full(len(batch), episode), judged=True)
-        except ContactWrenchError as error:
-            raise type(error)(f"episode {episode}: {error}") from None
-        for text in notes:
-            said.setdefault(text, []).append(episode)
-        advance(k / len(episodes))
-    for text, those in list(said.items())[:MOST_NOTES]:
-        more = f" and {counted(len(those) - 1, 'other')}" if len(those) > 1 else ""
-        note(f"{text} (episode {those[0]}{more})")
-    if len(said) > MOST_NOTES:
-        note(f"and {counted(len(said) - MOST_NOTES, 'note')} more: --episode N gives those of one")
 
 
 def require_writable(output: Path, path: Path, options: Options) -> None:

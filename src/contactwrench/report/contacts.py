@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,8 @@ from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
 from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
-from ..recording.compensate import Treatment, compensated, compensated_set, write_compensated
+from ..recording.compensate import Treatment, compensated, write_compensated
+from ..recording.compensate_set import compensated_set
 from ..recording.options import Options
 from ..recording.tables.columns import Advance, unheard
 from ..statistics import counted, meaningful_digits
@@ -68,7 +69,9 @@ def compensate_recording(
     output: Path,
     report: Path | None,
     advance: Advance = unheard,
-    episodes: Sequence[int] = (),
+    episodes: Mapping[int, int] | None = None,
+    *,
+    accept_damaged: bool = False,
 ) -> tuple[list[str], list[str]]:
     """Compensate a recording and write what comes out.
 
@@ -80,7 +83,8 @@ def compensate_recording(
         output: the contact wrenches: a table, a copy of the bag, or `-`, CSV on stdout.
         report: a page about every contact, which `treatment` must have judged.
         advance: is told how far the reading is.
-        episodes: of a set of which every recording is compensated by itself.
+        episodes: of a set of which every recording is compensated by itself, with their rows.
+        accept_damaged: of a set, leave out those that cannot be compensated.
 
     Returns:
         What to say: what was found and written, and notes on how.
@@ -91,12 +95,13 @@ def compensate_recording(
     notes: list[str] = []
     log = ContactLog()
     if episodes:
-        rows = compensated_set(path, options, calibration, treatment, episodes, advance, notes.append)
+        told = advance, notes.append
+        rows = compensated_set(path, options, calibration, treatment, episodes, *told, accept_damaged=accept_damaged)
     else:
         rows = compensated(path, options, calibration, treatment, advance, notes.append)
     noted = log.noted(rows, treatment.judged)
     topic = write_compensated(output, noted, path, options, treatment.output_frame, notes.append)
-    lines = [summary(log, len(episodes))] if treatment.judged else []
+    lines = [summary(log, len(episodes or ()))] if treatment.judged else []
     if str(output) != STDOUT:
         what = counted(log.rows, "row") if topic is None else f"{counted(log.rows, 'message')} of {topic}"
         lines.append(f"Wrote the contact wrenches, {what}, to {output}")

@@ -10,7 +10,6 @@ delayed.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +36,9 @@ HALF_WIDTH, SIDE_LOBES = 3.5, 6.0
 SLOWEST, FASTEST, OF_POSES = 1.0, 100.0, 0.3
 """Hz; no arm is slower, or faster, in what it does with a tool; and of the rate of the poses."""
 OCTAVE_PARTS = 4.0
-"""Bands an octave, in which the spectrum of the acceleration is looked at."""
+"""Bands, an octave wide each, that begin in an octave of the acceleration's spectrum: moves that are alike have none of
+some frequency, and all of its double.
+"""
 AT_REST = 0.02
 """rad/s^2 and m/s^2, RMS: what turns or moves less says nothing of where noise takes over, as of a pure turn the place,
 whose noise, and be it rounding, has the rising spectrum of noise from 0 Hz on."""
@@ -213,7 +214,7 @@ def _bandwidth(signal: Array, period: float, node: float) -> float:
     most = min(FASTEST, OF_POSES / max(period, node))
     n = len(signal)
     frequency = np.fft.rfftfreq(n, period)
-    edges = np.exp2(np.arange(np.log2(SLOWEST), np.log2(max(most, SLOWEST)) + 1e-9, 1.0 / OCTAVE_PARTS))
+    centres = np.exp2(np.arange(np.log2(SLOWEST), np.log2(max(most, SLOWEST)) + 1e-9, 1.0 / OCTAVE_PARTS))
     line = np.linspace(0.0, 1.0, n)[:, None]
     level = signal - (signal[:1] + line * (signal[-1:] - signal[:1]))
     window = np.hanning(n)[:, None]
@@ -221,13 +222,13 @@ def _bandwidth(signal: Array, period: float, node: float) -> float:
     power = 2.0 * np.abs(change) ** 2 / (n * np.sum(window**2))
     chosen = []
     for group in (power[:, :3].sum(axis=1), power[:, 3:].sum(axis=1)):
-        bands = [group[(frequency >= a) & (frequency < b)] for a, b in pairwise(edges)]
+        bands = [group[(frequency >= f / np.sqrt(2.0)) & (frequency < f * np.sqrt(2.0))] for f in centres]
         means = np.array([band.mean() if len(band) else np.inf for band in bands])
-        if len(means) and group.any():
+        if group.any():
             peak = int(np.argmax(np.where(np.isfinite(means), means, 0.0)[: int(np.argmin(means)) + 1]))
-            least = peak + int(np.argmin(means[peak:]))
-            if group[frequency < edges[least + 1]].sum() > AT_REST**2:
-                chosen.append(float(np.sqrt(edges[least] * edges[least + 1])))
+            least = centres[peak + int(np.argmin(means[peak:]))]
+            if group[frequency < least].sum() > AT_REST**2:
+                chosen.append(float(least))
     return max(min([most, *chosen]), SLOWEST) if chosen else SLOWEST
 
 
@@ -236,10 +237,10 @@ def _differentiated(t: Array, signal: Array, period: float, straight: float, ban
     path is off straight lines between the poses, whether the filter stays inside, and what the upper octave of the
     bandwidth has of the second derivatives (k, 19).
     """
-    from scipy.signal import oaconvolve
+    from scipy.signal import fftconvolve, oaconvolve
 
     curved, first = (_taps(order, period, straight, bandwidth) for order in (0, 1))
-    second = np.convolve(first, _taps(1, period, 0.0, bandwidth))
+    second = fftconvolve(first, _taps(1, period, 0.0, bandwidth))
     half = len(second) // 2
     bent, first = (np.pad(taps, half // 2) for taps in (curved - _taps(0, period, 0.0, bandwidth), first))
     n = len(signal)

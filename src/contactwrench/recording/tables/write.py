@@ -168,8 +168,9 @@ def _rows_as_stored(
     table = table if whole_set else one_episode(table, naming.episode)
     wrench = wrench_columns(table, naming)
     for body in table.bodies(wrench):
-        lacking = np.isnan(body.numbers(wrench, may_lack=wrench)).all(axis=1)
-        yield cast(Records, body).record, np.asarray(~lacking | every)
+        records = cast(Records, body)
+        lacking = np.isnan([records.floats(column) for column in wrench]).all(axis=0)
+        yield records.record, np.asarray(~lacking | every)
 
 
 def _parquet(batches: Iterable[dict[str, Any]]) -> Iterator[bytes]:

@@ -1,0 +1,81 @@
+"""Every recording of a set to contact wrenches, each by itself: its own time, bias and contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..compensate.contact_wrenches import ContactWrenches
+from ..errors import ContactWrenchError
+from ..statistics import counted
+from .compensate import Treatment, compensated
+from .in_order import without_wrench
+from .options import ACCEPT_FLAG, Options
+from .read import pairs_in_batches
+from .tables.columns import Advance, Tell, unheard
+
+MOST_NOTES = 20
+"""Of all recordings of a set together."""
+
+
+def compensated_set(
+    path: str | Path,
+    options: Options,
+    calibration: Calibration,
+    treatment: Treatment,
+    episodes: Mapping[int, int],
+    advance: Advance = unheard,
+    note: Tell = unheard,
+    *,
+    accept_damaged: bool = False,
+) -> Iterator[ContactWrenches]:
+    """As `compensated`, of each of the `episodes` of a set by itself, of which it has the rows; of each row it says
+    whether it is valid. One that cannot be compensated ends it, by name, or, with `accept_damaged`, has rows without a
+    contact wrench that say why; where none can, that is raised.
+    """
+    said: dict[str, list[int]] = {}
+    lost: list[ContactWrenches] = []
+    have_times: bool | None = None
+    for k, (episode, count) in enumerate(episodes.items(), 1):
+        notes, done, of_it = list[str](), 0, replace(options, episode=episode)
+        try:
+            for batch in compensated(path, of_it, calibration, treatment, note=notes.append):
+                have_times = batch.t is not None
+                yield from (each if have_times else replace(each, t=None) for each in lost)
+                lost, done = [], done + len(batch)
+                yield _of_episode(episode, batch)
+        except ContactWrenchError as error:
+            if not accept_damaged:
+                raise type(error)(f"episode {episode}: {error}; {ACCEPT_FLAG} takes the others") from None
+            if have_times is None and k == len(episodes):
+                raise type(error)(f"none of {counted(k, 'episode')} can be compensated: {error}") from None
+            notes.append(f"left out: {error}")
+            lost.append(_of_episode(episode, without_wrench(str(error), np.full(count - done, np.nan))))
+        for text in notes:
+            said.setdefault(text, []).append(episode)
+        advance(k / len(episodes))
+    yield from (each if have_times else replace(each, t=None) for each in lost)
+    for text, those in list(said.items())[:MOST_NOTES]:
+        more = f" and {counted(len(those) - 1, 'other')}" if len(those) > 1 else ""
+        note(f"{text} (episode {those[0]}{more})")
+    if len(said) > MOST_NOTES:
+        note(f"and {counted(len(said) - MOST_NOTES, 'note')} more: --episode N gives those of one")
+
+
+def one_of_set(path: str | Path, options: Options, episodes: Iterable[int]) -> Options:
+    """The options for one recording of a set by which all are judged: the first that can be read."""
+    each = [replace(options, episode=episode, accept_damaged=False) for episode in episodes]
+    for one in each:
+        with suppress(ContactWrenchError):
+            pairs_in_batches(path, one)
+            return one
+    return each[0]
+
+
+def _of_episode(episode: int, batch: ContactWrenches) -> ContactWrenches:
+    return replace(batch, episode=np.full(len(batch), episode), judged=True)
