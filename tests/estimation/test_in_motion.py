@@ -211,7 +211,7 @@ def test_poses_that_tell_less_than_the_arm_does_are_said() -> None:
     (said,) = _of_kind(found, Kind.MOTION_USED)
     assert said.severity is Severity.WARNING
     assert said.text == (
-        "42 s of motion used, up to 1.9 Hz, beyond which the poses tell no acceleration: record them more often, or "
+        "42 s of motion used, up to 2.1 Hz, beyond which the poses tell no acceleration: record them more often, or "
         "with more digits"
     )
 

@@ -263,6 +263,15 @@ def test_a_motion_that_repeats_itself_does_not_tell_which() -> None:
     assert found.endswith(" ms explain the wrench equally well; vary it")
 
 
+@pytest.mark.parametrize("seed", [7, 9])
+def test_a_short_smooth_motion_does_not_tell_which(seed: int) -> None:
+    """Eight seconds, in which gravity, free on each axis, and accelerations explain noise at any delay a bit."""
+    streams = gravity_alone(seed, delay=0.0, duration=8.0, rate=30.0, noise=3.0, fastest=0.3)
+    found = _reason(streams, within=1.0)
+    assert found.startswith("the motion is too short: delays of ")
+    assert found.endswith(" ms explain the wrench equally well; record more of it, or faster")
+
+
 @pytest.mark.slow
 def test_a_delay_beyond_the_range_is_not_told() -> None:
     streams = gravity_alone(10, delay=0.3)

@@ -39,6 +39,10 @@ LONGEST_DELAY = DELAY.most
 """s, either way: searched where the best delay lies at the end of a second, as between clocks that were set by hand."""
 AS_GOOD = 0.02
 """Of the range of misfits: a second minimum as close to the best is another answer."""
+ODDS = 20.0
+"""Twice the logarithm of the odds, were the residuals independent, up to which it is one too: a few seconds tell as
+little, and a smooth motion explains noise at any delay a bit.
+"""
 
 
 @dataclass(frozen=True)
@@ -107,11 +111,12 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     cosine_of_turn = 0.5 * (axes @ axes[0] - 1.0)
     if np.arccos(np.clip(cosine_of_turn.min(), -1.0, 1.0)) < LEAST_TURN:
         return _untold("the arm turns by less than 2 deg")
-    fit, used, chosen = _settled(motion, means, scanned, *scans(motion, _thinned(scanned), delays, stated))
+    thin = _thinned(scanned)
+    fit, used, chosen = _settled(motion, means, scanned, *scans(motion, thin, delays, stated))
     if int(chosen.misfit.argmin()) in (0, len(delays) - 1):
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond", True)
     std = standard_deviation(motion, used, fit)
-    doubt = _doubt(fit, std, delays, chosen)
+    doubt = _doubt(fit, std, delays, chosen, len(thin))
     return Delay(fit.delay, std if doubt is None else max(std, float(reach)), fit.bound, doubt)
 
 
@@ -165,8 +170,8 @@ def _settled(
     return fit, used, chosen
 
 
-def _doubt(fit: Fit, std: float, delays: Array, chosen: Scan) -> str | None:
-    """Why the motion does not tell the delay, or None."""
+def _doubt(fit: Fit, std: float, delays: Array, chosen: Scan, count: int) -> str | None:
+    """Why the motion does not tell the delay, or None, after a scan of so many means."""
     if not np.isfinite(std):
         return "gravity does not turn in the flange's axes while the arm moves"
     if std > TOLD * fit.weightless or abs(fit.delay - chosen.best) > ASTRAY:
@@ -179,12 +184,12 @@ def _doubt(fit: Fit, std: float, delays: Array, chosen: Scan) -> str | None:
     minima = 1 + np.flatnonzero((inner < misfit[:-2]) & (inner <= misfit[2:]))
     best = int(misfit.argmin())
     others = minima[np.abs(minima - best) > 1]
-    rivals = others[misfit[others] - misfit[best] < AS_GOOD * (misfit.max() - misfit[best])]
-    if len(rivals):
-        return (
-            f"the motion repeats itself: delays of {1e3 * delays[best]:.0f} and {1e3 * delays[rivals[0]]:.0f} ms "
-            "explain the wrench equally well; vary it"
-        )
+    worse = misfit[others] - misfit[best]
+    both = f"delays of {1e3 * delays[best]:.0f} and {{:.0f}} ms explain the wrench equally well"
+    if len(rivals := others[worse < AS_GOOD * (misfit.max() - misfit[best])]):
+        return f"the motion repeats itself: {both.format(1e3 * delays[rivals[0]])}; vary it"
+    if len(rivals := others[worse < ODDS * (std / fit.bound) ** 2 / count]):
+        return f"the motion is too short: {both.format(1e3 * delays[rivals[0]])}; record more of it, or faster"
     return None
 
 

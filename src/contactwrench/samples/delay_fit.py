@@ -38,6 +38,8 @@ STRUCTURED, UNKNOWN_ACCELERATIONS = 1.15, 3.0
 """Where positions are not known, and so much more is left than noise: the flange's accelerations move with the arm, so
 that their spectrum says too little; by how much was found on the virtual rig in whole-arm motions.
 """
+SOON = 25.0
+"""s, within which gravity, free to lean, and noise take up accelerations that are not known, so that nothing is left."""
 BLOCK = 512
 """Rows of a product that one thread makes: with 22 columns each OpenBLAS leaves it to one."""
 LEAST_PART = 30
@@ -287,7 +289,7 @@ def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> floa
         chi2 = float(precision @ (offs - np.average(offs, weights=precision)) ** 2)
         if chi2 > limit:
             factor = max(factor, float(np.sqrt(chi2 / (len(offs) - 1))))
-    if not motion.knows_positions and _structure(fit.left) > STRUCTURED:
+    if not motion.knows_positions and (_structure(fit.left) > STRUCTURED or np.ptp(means.t) < SOON):
         factor *= UNKNOWN_ACCELERATIONS
     return factor * max(spectral_std(fit.left, fit.influence, fit.basis, means.t), fit.bound)
 
