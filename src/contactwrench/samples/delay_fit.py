@@ -39,7 +39,7 @@ STRUCTURED, UNKNOWN_ACCELERATIONS = 1.15, 3.0
 that their spectrum says too little; by how much was found on the virtual rig in whole-arm motions.
 """
 SOON = 25.0
-"""s, within which gravity, free to lean, and noise take up accelerations that are not known, so that nothing is left."""
+"""s, within which gravity, free to lean, and noise take up accelerations that are not known: no structure is left."""
 BLOCK = 512
 """Rows of a product that one thread makes: with 22 columns each OpenBLAS leaves it to one."""
 LEAST_PART = 30
