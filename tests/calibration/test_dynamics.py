@@ -108,6 +108,24 @@ def test_another_base_changes_nothing(seed: int) -> None:
     assert other.wrench_std(turned.R_base_flange, turned) == pytest.approx(std, rel=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("turn", "message"),
+    [
+        (np.diag([1.0, 1.0, -1.0]), r"^orientation 0 is a matrix that is no rotation .* determinant -1\), expected "),
+        (2.0 * np.eye(3), r"^orientation 0 is a matrix that is no rotation "),
+        (np.full((3, 3), np.nan), r"^orientation 0 "),
+        (np.zeros(4), r"^orientation 0 "),
+        (np.eye(4), r"^R_new_base has 4 orientations, expected one$"),
+        (np.ones((2, 3)), r"^orientation has shape \(2, 3\), expected "),
+    ],
+    ids=["mirrored", "twice", "nan", "zeros", "4 x 4", "shape"],
+)
+def test_a_base_that_is_turned_by_no_rotation_is_refused(turn: Array, message: str) -> None:
+    calibration = known(0, noise=1.0)[1]
+    with pytest.raises(InputError, match=message):
+        calibration.with_base(turn, "other")
+
+
 @few
 @given(seeds)
 def test_the_tool_gains_the_energy_that_the_sensor_gives_it(seed: int) -> None:

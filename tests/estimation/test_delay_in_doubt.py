@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,3 +51,23 @@ def test_one_that_is_known_stated_made_up_for_or_lost_in_noise_is_not(
     delay: float | None, std: float | None, noise: float
 ) -> None:
     assert said_of(delay, std, noise) == []
+
+
+def _clocks_apart(delay: float, std: float) -> list[str]:
+    rig, R, rng = example(3)
+    samples = cw.Samples(noisy_readings(rig, R, NOISE, rng), R, 5.0 * np.arange(float(len(R))))
+    found = cw.calibrate(replace(samples, delay=delay, delay_std=std), "mount")
+    return [finding.text for finding in found.findings if finding.kind is Kind.CLOCKS_APART]
+
+
+@pytest.mark.parametrize(("delay", "by"), [(0.4, "0.4 s later"), (-5.0, "5 s earlier")])
+def test_one_that_no_sensor_has_is_two_clocks(delay: float, by: str) -> None:
+    assert _clocks_apart(delay, 0.0001) == [
+        f"doubtful: the wrench is stamped {by} than the orientation, as by two clocks: that holds for this recording; "
+        "set them by one clock, or give what is compensated its own --delay"
+    ]
+
+
+@pytest.mark.parametrize(("delay", "std"), [(0.2, 0.001), (-0.02, 0.0001), (0.4, 0.2), (5.0, 0.0)])
+def test_one_of_a_sensor_that_is_not_told_or_that_is_stated_is_not(delay: float, std: float) -> None:
+    assert _clocks_apart(delay, std) == []

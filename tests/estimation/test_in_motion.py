@@ -225,6 +225,15 @@ def test_a_push_is_not_what_drives_and_links_shake() -> None:
     assert found.motion_noise[1].max() < 0.001
 
 
+def test_a_place_that_never_changes_makes_no_shaking_that_grows_with_it() -> None:
+    """What is left over an acceleration that is none was a std of 10^8 N m in every other motion."""
+    samples = pushed().samples()
+    place = np.tile(np.asarray(samples.position)[:1], (len(samples), 1))
+    found = cw.calibrate(replace(samples, position=place), "dynamic").dynamics
+    assert found is not None
+    assert found.motion_noise.max() < 10.0
+
+
 def _at_rest() -> cw.Samples:
     samples = pushed().samples()
     t = np.asarray(samples.t)

@@ -81,6 +81,20 @@ def test_stamps_of_zero_among_others_are_said(tmp_path: Path, kind: str) -> None
     assert bag_streams(path).damage == ""
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("at_zero", [1, 4])
+def test_a_simulated_clock_that_begins_at_zero_does(tmp_path: Path, kind: str, at_zero: int) -> None:
+    """Recorded by a wall clock: the first stamps, of before /clock is heard, are its zero."""
+    stamps = [0] * at_zero + [1_000_000 * k for k in range(at_zero, 10)]
+    messages = [
+        replace(m, fields={**m.fields, "header": {"stamp": {"sec": 0, "nanosec": at}, "frame_id": "ft_sensor"}})
+        for m, at in zip((wrench_stamped(1e-3 * k, np.ones(6)) for k in range(10)), stamps, strict=True)
+    ]
+    found = bag_streams(write_bag(tmp_path / f"run{kind}", [POSE, *messages]))
+    assert found.wrench.t.tolist() == [1e-9 * at for at in stamps]
+    assert found.damage == ""
+
+
 @pytest.mark.parametrize("other", [[f"right_{name}" for name in UR_JOINTS], [], list("abcdef")])
 def test_joints_of_two_arms_in_turn_are_refused(tmp_path: Path, other: list[str]) -> None:
     names = [f"left_{name}" for name in UR_JOINTS]

@@ -375,6 +375,18 @@ def test_a_filter_of_the_sensor_adds_its_group_delay() -> None:
 
 
 @pytest.mark.slow
+def test_a_position_that_is_missing_here_and_there_costs_little() -> None:
+    streams = two_streams(rig_recording("exciting", 10.0, 0), position=True)
+    place = np.array(streams.orientation.position)
+    place[100::50] = np.nan
+    pose = streams.orientation
+    missing = Streams(streams.wrench, OrientationStream(pose.t, pose.R_base_flange, place))
+    found = estimate_delay(missing, within=NEAR)
+    assert found.std < 0.001
+    assert abs(found.value - 0.004) < 3.0 * found.std
+
+
+@pytest.mark.slow
 def test_where_positions_are_missing_whole_arm_motions_tell_little() -> None:
     rec = rig_recording("exciting", 10.0, 0)
     with_positions, without = (estimate_delay(two_streams(rec, position=given), within=NEAR) for given in (True, False))

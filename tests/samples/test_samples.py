@@ -4,11 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.errors import InputError
 from contactwrench.samples.samples import WrenchStream
 from tests.support.recordings import generic_rotations
+from tests.support.rigs import example, noisy
 
 
 def fields(n: int = 4) -> dict[str, Any]:
@@ -35,6 +37,32 @@ def test_samples_keep_copies_that_cannot_be_written_to() -> None:
     for name in given:
         with pytest.raises(ValueError, match="read-only"):
             getattr(samples, name)[0] = 1.0
+
+
+def test_orientations_of_other_kinds_are_made_matrices() -> None:
+    R = generic_rotations(4)
+    turns = Rotation.from_matrix(R)
+    for given in (turns, turns.as_quat(), turns.as_quat().tolist()):
+        assert cw.Samples(**fields() | {"R_base_flange": given}).R_base_flange == pytest.approx(R, abs=1e-12)
+    with pytest.raises(
+        InputError, match=r"^R_base_flange has shape \(3, 3, 3\), expected \(n, 3, 3\) with n = 4 as in wr"
+    ):
+        cw.Samples(**fields() | {"R_base_flange": turns[:3]})
+    with pytest.raises(InputError, match=r"^orientation 1 is "):
+        cw.Samples(**fields() | {"R_base_flange": np.diag([1.0, 3.0, 1.0, 1.0])})
+
+
+def test_arrays_in_place_of_samples_are_refused_in_one_line() -> None:
+    given = fields()
+    message = r"^found ndarray, expected Samples: cw\.read\(path\) or cw\.Samples\(wrench=, \.\.\.\)$"
+    with pytest.raises(InputError, match=message):
+        cw.calibrate(given["wrench"], given["R_base_flange"])
+    rig, R, rng = example(1)
+    found = cw.calibrate(noisy(rig, R, rng))
+    with pytest.raises(InputError, match=message):
+        cw.Compensator(found, noise=np.full(6, 0.1)).zero(given["wrench"])
+    with pytest.raises(InputError, match=r"^other is a str, expected a Calibration: Calibration\.load\(path\)$"):
+        found.diff("tool.json")  # type: ignore[arg-type]
 
 
 def test_a_selection_keeps_every_field_in_its_order() -> None:

@@ -7,7 +7,7 @@ from math import inf
 from typing import NamedTuple
 
 from contactwrench.compensate.faults import Reason
-from contactwrench.compensate.inertia import FURTHEST
+from contactwrench.compensate.faults import FURTHEST
 from contactwrench.geometry.quaternions import Quat, between, unit
 from contactwrench.live.source import Three
 

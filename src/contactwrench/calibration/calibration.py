@@ -218,7 +218,13 @@ class Calibration(CalibrationFields):
 
         Returns:
             The same tool, mounting and bias; gravity, with its covariance, and the poses in the new base's axes.
+
+        Raises:
+            InputError: what is no rotation.
         """
+        (R_new_base, *others), _ = rotation_matrices(R_new_base)
+        if others:
+            raise InputError(f"R_new_base has {1 + len(others)} orientations, expected one")
         d = R_new_base @ self.gravity_direction
         to_new = np.eye(len(self.parameters))
         if self.std["gravity"] is not None:
@@ -252,8 +258,13 @@ class Calibration(CalibrationFields):
             other: of the same sensor, later.
 
         Returns:
-            The changes, each with its standard deviation, and what they mean; print it.
+            The changes, each with its standard deviation; the command `diff` says what they mean.
+
+        Raises:
+            InputError: what is no calibration.
         """
+        if not isinstance(other, CalibrationFields):
+            raise InputError(f"other is a {type(other).__name__}, expected a Calibration: Calibration.load(path)")
         return difference(self, other)
 
     def save(self, path: str | Path) -> None:

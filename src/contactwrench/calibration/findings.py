@@ -79,6 +79,7 @@ class Kind(StrEnum):
     POSITIONS_IN_DOUBT = "positions_in_doubt"
     SLOW_POSES = "slow_poses"
     DELAY_IN_DOUBT = "delay_in_doubt"
+    CLOCKS_APART = "clocks_apart"
     DELAY_OF_MOTION = "delay_of_motion"
     ACCELEROMETER = "accelerometer"
     OTHER = "other"
@@ -102,7 +103,7 @@ BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED
 _ASSUMED = (
     *(Kind.SIGN_NOT_CONFIRMED, Kind.ANGLES_IN_DOUBT, Kind.POSE_IN_DOUBT, Kind.TILT_IN_DOUBT, Kind.DRIFT_IN_DOUBT),
     *(Kind.POSITIONS_IN_DOUBT, Kind.SLOW_POSES, Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE, Kind.DEAD_CHANNEL),
-    Kind.RESTS_ON_PRIOR,
+    *(Kind.RESTS_ON_PRIOR, Kind.CLOCKS_APART),
 )
 DOUBT_OF_KIND = {
     **dict.fromkeys(_ASSUMED, Doubt.ASSUMPTION),

@@ -23,7 +23,7 @@ from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_angle
 from ..model import AXES
 from ..samples.poses import SAME_POSE_ANGLE
-from ..samples.samples import Samples
+from ..samples.samples import Samples, require_samples
 from ..statistics import square_root
 from .noise import SampleNoise, stated_noise
 from .state import Matrix, Row, State, kernel
@@ -218,6 +218,7 @@ def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise | N
     (3, 3). Where no noise is known it is that of the samples. Raises `InputError` where they turn, scatter or move by
     more than noise does, or are too few.
     """
+    require_samples(samples)
     n = len(samples)
     if n < LEAST_SAMPLES:
         raise InputError(f"no new zero: found {n} samples, expected at least {LEAST_SAMPLES} at rest")

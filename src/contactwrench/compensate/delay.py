@@ -12,7 +12,7 @@ from ..calibration.calibration import Calibration
 from ..geometry.ranges import DELAY, DELAY_STD
 from ..samples.delay import is_significant
 from .filters import LowPass, low_pass
-from .state import Matrix, Row, State, kernel
+from .state import OF_DOWN, TERMS, Matrix, Row, State, kernel
 
 LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
@@ -85,6 +85,21 @@ def as_the_wrench_is_stamped(s: State, ring: Matrix, now: float, fresh: bool) ->
         a, b, c = down[0], down[1], down[2]
         x, y, z = a + ahead * (a - x), b + ahead * (b - y), c + ahead * (c - z)
     down[0], down[1], down[2] = x, y, z
+
+
+@kernel
+def keep_terms(s: State, ring: Matrix, when: float, fresh: bool) -> None:
+    """Put the terms, which are those of a moment, into the ring; a `fresh` one forgets what was before."""
+    newest = 0 if fresh else s.motion_next
+    if fresh:
+        s.motion_at = 0
+    elif s.motion_at == newest:
+        s.motion_at = (newest + 1) % len(ring)
+    s.motion_next = (newest + 1) % len(ring)
+    entry = ring[newest]
+    entry[OF_DOWN] = when
+    for k in range(TERMS):
+        entry[OF_DOWN + 1 + k] = s.terms[k]
 
 
 @kernel

@@ -30,7 +30,8 @@ CHANCE_OF_REPEATS = 207.0
 filtered moves that much more slowly."""
 BRAKING, FASTEST = 20.0, 20.0
 """rad/s^2 and rad/s: no arm stops a turn faster, and none turns faster: poses that seem to were wrong ones."""
-
+FURTHEST = 1e3
+"""m, from the base: no arm's flange."""
 
 REASONS = (
     "",
@@ -49,7 +50,7 @@ REASONS = (
     "stuck: the whole reading has not moved for {detail:.3g} s",
     "frozen: the orientation has not moved for {detail:.3g} s",
     "orientation: that of {detail:.3g} s before, which the delay asks for, is not known yet",
-    "frozen: poses stood still, jumped or came too rarely while the arm moved: three in a row tell how it moves",
+    "frozen: poses stood still, jumped, were too rare or had no place while the arm moved: three in a row tell how",
     "frozen: the accelerometer has read nothing for {detail:.3g} s",
 )
 
@@ -150,6 +151,15 @@ def from_matrix(given: Row, R: Row) -> float:
     for k in range(9):
         R[k] = given[k]
     return worst
+
+
+@kernel
+def placed_anywhere(sample: Sample) -> bool:
+    """Whether its position is a place that an arm reaches, at a time."""
+    for part in sample.told:
+        if not abs(part) < FURTHEST:
+            return False
+    return abs(sample.time) < inf
 
 
 @kernel

@@ -15,8 +15,8 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..calibration.dynamics import ACCELERATION, covariance_of_terms
 from .acceleration import feel, take_reading, use_accelerometer
-from .delay import looked_up
-from .faults import BRAKING, SQUARED_TOLERANCE, from_matrix, from_quaternion
+from .delay import keep_terms, looked_up
+from .faults import BRAKING, SQUARED_TOLERANCE, from_matrix, from_quaternion, placed_anywhere
 from .filters import LowPass, low_pass
 from .state import OF_DOWN, TERMS, Matrix, Row, Sample, State, kernel
 
@@ -30,8 +30,6 @@ one jump is like the next, as those of noise are not.
 """
 KINDS = (slice(0, 3), slice(3, 9), slice(9, 12))
 """Of terms: angular acceleration, products of the angular velocity, acceleration."""
-FURTHEST = 1e3
-"""m, from the base: no arm's flange."""
 SLOWEST_POSES = 0.036
 """s: between poses; more tell no acceleration, and for so long at least the same one says that the arm stands."""
 REPEATED, NEWEST = 2.5, 0.5
@@ -40,6 +38,8 @@ STOPPING, BEYOND = 30.0, 100.0
 """m/s^2: no arm stops or starts faster; and no pose that is so far off jumped because an arm did, but for its time."""
 SLOW, NEAR = 0.02, 0.002
 """m/s or rad/s, and m or rad: less is no motion."""
+TURNED = 0.02
+"""rad, from where the place was last told, it not being told since: by less an arm may stand."""
 
 
 def use_inertia(s: State, calibration: Calibration, sensor_filter: LowPass | None) -> None:
@@ -70,17 +70,26 @@ def follow_motion(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
         place = s.last_position if s.feels else sample.told
         follow_pose(s, sample, place, ring, inf if fresh else sample.time - s.pose_time)
     elif not s.poses_alone:
-        s.pose_time, s.pose_period, s.resting, s.unknown = nan, 0.0, True, 0
-        begin_at_rest(s, ring, sample.time, fresh=True)
+        lose_place(s, sample, ring, fresh)
 
 
 @kernel
-def placed_anywhere(sample: Sample) -> bool:
-    """Whether its position is a place that an arm reaches, at a time."""
-    for part in sample.told:
-        if not abs(part) < FURTHEST:
-            return False
-    return abs(sample.time) < inf
+def lose_place(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
+    """No place is told, for more than a moment. Where none ever was, the arm is at rest; where it moved at the last
+    one, or has turned since, what it does is not known until three are told again.
+    """
+    if not fresh and sample.time - s.pose_time < REPEATED * s.pose_usual:
+        return
+    squared = 0.0
+    for k in range(9):
+        step = s.R[k] - s.pose_R[k]
+        squared += 0.5 * (step * step)
+    if fresh:
+        s.unknown = 0
+    elif s.pose_usual > 0.0 and (squared > TURNED * TURNED or (s.poses > 0 and too_fast_to_stop(s))):
+        s.unknown = 3
+    s.pose_time, s.pose_period, s.resting, s.poses = nan, 0.0, True, 0
+    begin_at_rest(s, ring, sample.time, fresh=True)
 
 
 @kernel
@@ -162,11 +171,7 @@ def stand_still(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
         usual = max(usual, SLOWEST_POSES)
     if s.resting or passed < usual:
         return
-    rate, turning, moving = s.rate, 0.0, 0.0
-    for k in range(3):
-        turning += rate[k] * rate[k]
-        moving += rate[3 + k] * rate[3 + k]
-    fast = sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
+    fast = too_fast_to_stop(s)
     s.unknown = 3 if s.poses > 0 and fast else 0
     for k in range(6 if s.unknown > 0 else 0):  # the last jump was none of noise
         s.pose_noise[k] = s.noise_before[k]
@@ -179,6 +184,16 @@ def stand_still(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
             s.stopping[k] = s.inertial[k]
     s.poses, s.resting = 0, True
     begin_at_rest(s, ring, s.pose_time + s.pose_usual if stops else sample.time, fresh=not stops)
+
+
+@kernel
+def too_fast_to_stop(s: State) -> bool:
+    """Whether it moved faster than an arm that stops from one pose to the next."""
+    rate, turning, moving = s.rate, 0.0, 0.0
+    for k in range(3):
+        turning += rate[k] * rate[k]
+        moving += rate[3 + k] * rate[3 + k]
+    return sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
 
 
 @kernel
@@ -205,21 +220,6 @@ def begin_at_rest(s: State, ring: Matrix, now: float, fresh: bool) -> None:
     for k in range(6):
         s.rate[k] = s.inertial[k] = s.trend[k] = 0.0
     keep_terms(s, ring, now, fresh)
-
-
-@kernel
-def keep_terms(s: State, ring: Matrix, when: float, fresh: bool) -> None:
-    """Put the terms, which are those of a moment, into the ring; a `fresh` one forgets what was before."""
-    newest = 0 if fresh else s.motion_next
-    if fresh:
-        s.motion_at = 0
-    elif s.motion_at == newest:
-        s.motion_at = (newest + 1) % len(ring)
-    s.motion_next = (newest + 1) % len(ring)
-    entry = ring[newest]
-    entry[OF_DOWN] = when
-    for k in range(TERMS):
-        entry[OF_DOWN + 1 + k] = s.terms[k]
 
 
 @kernel

@@ -29,7 +29,7 @@ from ..samples.bursts import even_rows
 from ..samples.delay import with_delay_of_rows
 from ..samples.poses import Pose, averaged, moments_of_poses
 from ..samples.recorded_poses import RecordedPoses, is_stream, recorded_poses, resting_poses
-from ..samples.samples import Samples
+from ..samples.samples import Samples, require_samples
 from ..version import __version__
 from .affine import MIRRORED, fit_affine
 from .alternatives import alternatives_to
@@ -96,6 +96,7 @@ def calibrate(
         UnobservableError: the poses cannot separate the parameters.
         AmbiguityError: the data contradict the sign of the readings or the side of the base.
     """
+    require_samples(samples)
     refuse((sensor_offset is not None and model != "dynamic", f"model {model} has no sensor_offset: leave it out"))
     question = question_asked(
         "auto" if model == "dynamic" else model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known
@@ -192,8 +193,7 @@ def _with_prior(question: Question, prior: Calibration, gravity_stated: bool, sa
 
 def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     """Poses and the estimate from them, robust, not yet checked: visits where the bias moved. Raises `InputError`."""
-    other = f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)"
-    refuse((not isinstance(samples, Samples), other))
+    require_samples(samples)
     G.require(g, "g")
     free, findings = contact_free(samples := even_rows(samples)[0])
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))

@@ -36,6 +36,8 @@ sheet promises a better gain.
 """
 LATE, TURNING = 0.01, float(np.deg2rad(60.0))
 """s that do not matter, and rad/s of an arm at work."""
+TWO_CLOCKS = 0.25
+"""s: no filter, no bus and no driver are so late."""
 MOST_CREEP = 0.5
 """Share of a change of load: of sensors 0.2 is much; lost rows and clocks that stepped read as 0.6 to 1.8."""
 
@@ -100,10 +102,19 @@ def of_estimate(
 
 
 def of_delay(samples: Samples, estimate: Estimate) -> list[Finding]:
-    """That the delay between wrench and orientation is not known from zero, where that matters while the arm turns."""
+    """That the delay between wrench and orientation is not known from zero, where that matters while the arm turns; or
+    that it is no sensor's.
+    """
     delay, std = samples.delay, samples.delay_std
-    if delay is None or not std or not np.isfinite(std) or is_significant(delay, std):
+    if delay is None or not std or not np.isfinite(std):
         return []
+    if is_significant(delay, std):
+        text = (
+            f"the wrench is stamped {two_digits(abs(delay))} s {'later' if delay > 0.0 else 'earlier'} than the "
+            "orientation, as by two clocks: that holds for this recording; set them by one clock, or give what is "
+            "compensated its own --delay"
+        )
+        return [Finding.doubtful(Kind.CLOCKS_APART, text)] if abs(delay) > TWO_CLOCKS else []
     late = float(np.hypot(delay, std))
     off = min(late * TURNING, 2.0) * estimate.weight_scale
     text = (

@@ -15,7 +15,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import ON_FLANGE
 from ..samples.accelerometer import Accelerometer, delay_behind, mounted_accelerometer, without_drift
 from ..samples.delay import is_significant
-from ..samples.flange_motion import SLOWEST, FlangeMotion, flange_motion
+from ..samples.flange_motion import AT_REST, SLOWEST, FlangeMotion, flange_motion
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
@@ -254,7 +254,8 @@ def _growth(level: Array, left: Array) -> Array:
     """
     from scipy.optimize import nnls
 
-    squares, unit = np.mean(left**2, axis=1), np.mean(level**2, axis=0) ** 0.5 + 1e-30
+    squares, unit = np.mean(left**2, axis=1), np.mean(level**2, axis=0) ** 0.5
+    level, unit = np.where(unit > AT_REST**2, level, 0.0), np.maximum(unit, AT_REST**2)
     expected = np.sum(level / unit, axis=1)
     expected *= np.median(squares / expected) / MEDIAN_OF_SQUARES
     least, found = LEAST_EXPECTED * expected, np.zeros(3)

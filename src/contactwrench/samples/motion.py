@@ -92,6 +92,10 @@ LEAST_SPEED = 0.01
 def arm_motion(buffer: Buffer, nodes: Nodes, longest_gap: float) -> ArmMotion:
     """The motion through the orientations of a whole recording, whose gaps are longer than `longest_gap` s."""
     index, orientations = nodes.index, buffer.orientations
+    if orientations.position is not None:
+        placed = index[np.isfinite(orientations.position[index]).all(axis=1)]
+        steps, gaps = (np.diff(orientations.t[rows]) > longest_gap for rows in (placed, index))
+        index = placed if steps.sum() <= gaps.sum() and len(placed) > 2 else index
     fast = CELL / max(float(np.median(np.diff(nodes.t))), 1e-9)
     if fast >= 2.0:
         index = index[:: int(fast)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, column, read_only
-from ..geometry.orientation import nearest_rotations
+from ..geometry.orientation import nearest_rotations, rotation_matrices
 from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range
 from ..geometry.wrench import WRENCH_AXES
 
@@ -40,7 +40,8 @@ class Samples(Rows):
 
     Args:
         wrench: readings (n, 6), N and N m, sensor axes, pull sign.
-        R_base_flange: rotation matrices (n, 3, 3), from flange to base axes.
+        R_base_flange: rotation matrices (n, 3, 3), from flange to base axes; made of quaternions x, y, z, w (n, 4) or a
+            scipy Rotation, if such are given.
         t: times (n,), s.
         position: of the flange (n, 3), m, base axes; what is no place, as a NaN, is not known.
         load_mass: hung on the tool (n,), kg; 0 is none.
@@ -83,6 +84,8 @@ class Samples(Rows):
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if hasattr(self.R_base_flange, "as_matrix") or np.shape(self.R_base_flange)[1:] == (4,):
+            object.__setattr__(self, "R_base_flange", rotation_matrices(self.R_base_flange)[0])
         super().__post_init__()
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
         for name, within in ranges.items():
@@ -103,6 +106,13 @@ class Samples(Rows):
         stuck = ", ".join(np.array(WRENCH_AXES)[standing])
         of = f"{len(lost)} of {len(self)} rows with a saturated channel"
         return self.select(~self.saturated), (f"{of}{f' ({stuck})' if stuck else ''} were left out",)
+
+
+def require_samples(samples: object) -> None:
+    """Raise `InputError` for what is none: an array, a path."""
+    if not isinstance(samples, Samples):
+        found = type(samples).__name__
+        raise InputError(f"found {found}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)")
 
 
 @dataclass(frozen=True, eq=False)

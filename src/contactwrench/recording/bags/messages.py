@@ -43,6 +43,8 @@ POSES = {
 """Types that hold the pose of one frame in another, and where in them its orientation and position are."""
 
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+ANOTHER_CLOCK = 1e6
+"""s: stamps so far from when their messages were put into the bag are those of a clock that began at 0."""
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
 STAMP = ("stamp.sec", "stamp.nanosec")
@@ -116,7 +118,9 @@ def stamps(
 
 
 def _of_header(bag: Bag, topic: Topic, sec: Array, ns: Array, of_bag: Array) -> Array:
-    """The times (k,) s that headers state in two numbers; those of the bag where both are zero."""
+    """The times (k,) s that headers state in two numbers; those of the bag where both are zero, unless the others are
+    of a clock that began at 0, as simulated ones do.
+    """
     impossible = (sec < 0.0) | (ns < 0.0) | (ns >= 1e9)
     if impossible.any():
         row = int(np.argmax(impossible))
@@ -124,13 +128,15 @@ def _of_header(bag: Bag, topic: Topic, sec: Array, ns: Array, of_bag: Array) -> 
             f"{np.sum(impossible)} stamps in headers of {topic.name} as that of {sec[row]:.0f} s and {ns[row]:.0f} ns",
             "0 s or more and less than 10^9 ns",
         )
-    zero = (sec == 0.0) & (ns == 0.0)
-    kinds = [] if zero.sum() == 1 else map(str, np.unique(zero))  # one alone is where simulated time begins
+    stated = sec + 1e-9 * ns
+    off = np.abs(stated - of_bag)[~impossible & (stated > 0.0)]
+    zero = (stated == 0.0) & (float(np.median(off)) < ANOTHER_CLOCK if len(off) else True)
+    kinds = [] if zero.sum() == 1 else map(str, np.unique(zero))
     if topic.type not in TRANSFORMS and two_of(bag, topic, "stamps", kinds):
         bag.damage.doubt(
             f"{topic.name} has stamps of zero and others: where they are zero, the time of recording counts"
         )
-    return np.where(impossible | zero, of_bag, sec + 1e-9 * ns)
+    return np.where(impossible | zero, of_bag, stated)
 
 
 def header_stamps(bag: Bag, topic: Topic, logged: Logged) -> Array:
@@ -252,15 +258,13 @@ def rotations(bag: Bag, what: str, placements: Placements) -> Array:
 
 NO_PLACEMENTS = Placements(np.empty(0), np.empty((0, 4)), np.empty((0, 3)))
 
-
 UNIVERSAL_ROBOTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 """In the order of the arm; a driver adds `_joint` behind and may put a robot's name before."""
 
 
 def joint_places(names: Sequence[str], arm: Arm) -> list[int] | None:
-    """Where in `names` the arm's joints are; None where they are not all there, or could be more than one arm's.
-
-    Joints without recognised names are the arm's, in their order, if there are as many.
+    """Where in `names` the arm's joints are; None where they are not all there, or could be more than one arm's. Joints
+    without recognised names are the arm's, in their order, if there are as many.
     """
     if arm.joint_names:
         return _all_of([names.index(name) if name in names else None for name in arm.joint_names])
@@ -276,11 +280,8 @@ def _numbered(names: Sequence[str], count: int) -> list[list[int] | None]:
     for place, name in enumerate(names):
         if match := re.fullmatch(r"(.*?)(\d+)", name):
             by_stem.setdefault(match[1], {})[int(match[2])] = place
-    sets: list[list[int] | None] = []
-    for numbers in by_stem.values():
-        if len(numbers) == count and sorted(numbers) in (list(range(1, count + 1)), list(range(count))):
-            sets.append([numbers[number] for number in sorted(numbers)])
-    return sets
+    runs = list(range(1, count + 1)), list(range(count))
+    return [[numbers[k] for k in sorted(numbers)] for numbers in by_stem.values() if sorted(numbers) in runs]
 
 
 def _named(names: Sequence[str], count: int) -> list[list[int] | None]:
