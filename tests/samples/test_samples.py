@@ -65,6 +65,13 @@ def test_arrays_in_place_of_samples_are_refused_in_one_line() -> None:
         found.diff("tool.json")  # type: ignore[arg-type]
 
 
+def test_a_notebook_shows_them_in_a_line() -> None:
+    rig, R, rng = example(1)
+    samples = noisy(rig, R, rng)
+    assert repr(samples) == "<Samples: 24 of arrays>"
+    assert repr(cw.calibrate(samples)) == "<Calibration: mount+base, 24 poses, good; print it>"
+
+
 def test_a_selection_keeps_every_field_in_its_order() -> None:
     samples = cw.Samples(**fields(), source="here")
     picks: list[Any] = [[3, 1], np.array([False, True, False, True]), slice(1, None, 2)]

@@ -68,6 +68,9 @@ class Calibration(CalibrationFields):
     def __str__(self) -> str:
         return flowed(describe(self))
 
+    def __repr__(self) -> str:
+        return f"<Calibration: {self.model}, {len(self.poses)} poses, {self.verdict}; print it>"
+
     def t_quantile(self, level: float = 0.95, dof: float | None = None) -> float:
         """How many standard deviations a two-sided interval reaches, by Student's t.
 
@@ -238,13 +241,9 @@ class Calibration(CalibrationFields):
             self,
             gravity_direction=d,
             covariance=to_new @ self.covariance @ to_new.T,
-            dynamics=None
-            if (moving := self.dynamics) is None
-            else replace(moving, with_parameters=moving.with_parameters @ to_new.T),
+            dynamics=self.dynamics and replace(self.dynamics, with_parameters=self.dynamics.with_parameters @ to_new.T),
             poses=tuple(replace(pose, R_base_flange=R_new_base @ pose.R_base_flange) for pose in self.poses),
-            moments=None
-            if sums is None
-            else replace(sums, design=of_rows @ sums.design @ of_rows.T, cross=of_rows @ sums.cross),
+            moments=sums and replace(sums, design=of_rows @ sums.design @ of_rows.T, cross=of_rows @ sums.cross),
             alternatives=tuple(
                 replace(other, gravity_direction=R_new_base @ other.gravity_direction) for other in self.alternatives
             ),

@@ -95,6 +95,9 @@ class Samples(Rows):
         object.__setattr__(self, "position", _known(self.position))
         object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
 
+    def __repr__(self) -> str:
+        return f"<Samples: {len(self)} of {self.source}>"
+
     def unsaturated(self) -> tuple[Samples, tuple[str, ...]]:
         """The samples less those with a saturated channel, and a note where there are such, with the channels that
         stand at their largest or smallest value there.
