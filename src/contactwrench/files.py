@@ -278,7 +278,8 @@ def already_there(path: str | Path) -> FileAccessError:
 def name_of(path: str | Path) -> str:
     """A path as text, whatever bytes it has; of `-` what is read there. Raises `InputError` for what is no path."""
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"path is {path!r}, expected a str or a Path: name a file")
+        found = repr(path) if isinstance(path, int | bytes | None) else f"a {type(path).__name__}"
+        raise InputError(f"path is {found}, expected a str or a Path: name a file")
     return "standard input" if str(path) == STDIN else os.fsencode(path).decode(errors="backslashreplace")
 
 

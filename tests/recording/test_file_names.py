@@ -151,9 +151,13 @@ def test_suffixes_in_capitals(tmp_path: Path, written: dict[tuple[str, int], Pat
         assert len(bag_streams(out, wrench_topic="/wrench/contact").wrench) == ASKED
 
 
-@pytest.mark.parametrize("path", [None, 3, b"run.csv"])
+@pytest.mark.parametrize(
+    ("path", "found"),
+    [(None, "None"), (3, "3"), (b"run.csv", "b'run.csv'"), (np.zeros((99, 6)), "a ndarray"), (["a.csv"], "a list")],
+    ids=["None", "3", "bytes", "array", "list"],
+)
 @pytest.mark.parametrize("reads", [cw.read, cw.Calibration.load])
-def test_what_is_no_path_is_refused_in_one_line(reads: Callable[[Any], Any], path: Any) -> None:
+def test_what_is_no_path_is_refused_in_one_line(reads: Callable[[Any], Any], path: Any, found: str) -> None:
     with pytest.raises(InputError) as caught:
         reads(path)
-    assert str(caught.value) == f"path is {path!r}, expected a str or a Path: name a file"
+    assert str(caught.value) == f"path is {found}, expected a str or a Path: name a file"

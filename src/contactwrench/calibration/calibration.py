@@ -168,7 +168,7 @@ class Calibration(CalibrationFields):
         """A function for one sample of plain floats, under 1 us.
 
         Returns:
-            `step(fx, fy, fz, tx, ty, tz, qx, qy, qz, qw)`, which gives the contact wrench as six floats.
+            `step(fx, fy, fz, tx, ty, tz, qx, qy, qz, qw)`: the contact wrench, six floats; the length of q counts as 1.
         """
         return stepper(self.B, self.gravity_direction)
 
