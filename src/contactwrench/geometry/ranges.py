@@ -61,6 +61,8 @@ PER_KELVIN, CAPACITY = Range(-1e6, 1e6, "N/K or N m/K"), Range(1e-6, 1e9, "N or 
 TIME, PLACE = Range(-1e19, 1e19, "s"), Range(-1e6, 1e6, "m")
 """Of a recording: s since 1970, were they ns; a position from the base."""
 RATE, CUTOFF = Range(1e-3, 1e6, "Hz"), Range(1e-3, 1e6, "Hz")
+LAG = Range(-1.0, 1.0, "s (is it in ms?)")
+"""Of a delay that is stated sample by sample: a recording's may be two clocks'."""
 DELAY, DELAY_STD = Range(-10.0, 10.0, "s (is it in ms?)"), Range(0.0, 10.0, "s (is it in ms?)")
 DURATION = Range(1e-6, 1e6, "s")
 ROWS = Range(0, 1e7, "(fewer, or a lower rate)")

@@ -84,7 +84,7 @@ class Samples(Rows):
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if hasattr(self.R_base_flange, "as_matrix") or np.shape(self.R_base_flange)[1:] == (4,):
+        if hasattr(self.R_base_flange, "as_matrix") or getattr(self.R_base_flange, "shape", ())[1:] == (4,):
             object.__setattr__(self, "R_base_flange", rotation_matrices(self.R_base_flange)[0])
         super().__post_init__()
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
