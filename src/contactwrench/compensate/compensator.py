@@ -54,7 +54,7 @@ class Compensator:
         lowpass: of the contact wrench, a `LowPass`, or a cut-off in Hz (Butterworth of order 2).
         sensor_filter: what the sensor itself does to a wrench, a `LowPass` or a cut-off in Hz (first order); the same
             is done to the model.
-        delay: s, how much later than the orientation the wrench is stamped, 1 at most; None: the calibration's, if known.
+        delay: s, how much later than the orientation the wrench is stamped, 1 at most; None: as calibrated, if known.
         delay_std: s, of that, which counts while the arm turns; None: the calibration's, 0 of a `delay` that is stated.
         drift: std (6,) of the bias' random walk after an hour, N and N m, or one number as for `noise`; 0.05 is typical
             (`bias_tracking.TYPICAL_DRIFT`). None: not followed, as a push too slow or weak to be detected would be.
