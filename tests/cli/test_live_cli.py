@@ -8,6 +8,7 @@ import socket
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.ur import Ur
 from contactwrench.live.page import Hub
+from contactwrench.live.pump import Pump
+from contactwrench.live.session import Session
 from contactwrench.live.uri import known_sources
 from tests.lab.clients import nothing_left
 from tests.support.devices import answering, free_port
@@ -217,6 +220,40 @@ def test_a_session_runs_before_other_programs_where_it_may(
         assert run(capsys, "live", *arguments).status == 0
     assert seen == [then]
     assert policies[-1] == policy
+
+
+@pytest.mark.parametrize("output", [True, False])
+def test_a_calibration_that_has_a_name_is_written_when_it_is_accepted(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture, devices: tuple[str, str], tmp_path: Path, output: bool
+) -> None:
+    seen: list[object] = []
+
+    def session(*given: Any, save_accepted: bool, **named: Any) -> Session:
+        seen.append(save_accepted)
+        return Session(*given, save_accepted=save_accepted, **named)
+
+    monkeypatch.setattr("contactwrench.live.session.Session", session)
+    monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: None)
+    named = ("-o", tmp_path / "new.json") if output else ()
+    arguments = ("--sensor", devices[0], "--robot", devices[1], "--no-page", "--wizard", *named)
+    assert run(capsys, "live", *arguments).status == 0
+    assert seen == [output]
+
+
+@pytest.mark.parametrize("wizard", [True, False])
+def test_events_are_said_in_words_too_to_whoever_is_at_the_wizard(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture, devices: tuple[str, str], calibration: Path, wizard: bool
+) -> None:
+    def a_moment(pump: Pump, *_: object) -> None:
+        pump.start()
+        pump.wait(0.5)
+        pump.close()
+
+    monkeypatch.setattr("contactwrench.cli.live._until_a_signal", a_moment)
+    mode = ("--wizard",) if wizard else ("-c", calibration)
+    done = run(capsys, "live", "--sensor", devices[0], "--robot", devices[1], "--no-page", "--events", *mode)
+    assert sum('"kind":"connected"' in line for line in done.out.splitlines()) == 2
+    assert done.err.count("SRI M8128: connected") == wizard
 
 
 @pytest.mark.parametrize(

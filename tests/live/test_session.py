@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
 
@@ -10,11 +11,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.errors import InputError
+from contactwrench.files import already_there
+from contactwrench.live.fitting import NOT_TESTED
 from contactwrench.live.snapshot import Command, Phase
-from contactwrench.live.source import About, Batch
+from contactwrench.live.source import About, Batch, Sample
 from contactwrench.live.wizard import Wish
 from tests.support.live_drive import Driver
-from tests.support.live_world import LiveWorld
+from tests.support.live_world import SENSOR, LiveWorld
 
 WISH = Wish(poses=6)
 FLIPPED = Rotation.from_euler("zx", [-120.0, 176.0], degrees=True)
@@ -288,6 +292,88 @@ def test_a_calibration_that_changed_since_it_was_saved_can_be_saved_again(calibr
     assert Command.SAVE not in drive.session.commands()
     drive.do(Command.BACK)
     assert drive.session.saved == ""
+
+
+@pytest.mark.parametrize("pushed", [True, False])
+def test_why_a_verdict_is_not_good_is_said(at_poses: dict[int, Driver], pushed: bool) -> None:
+    drive = deepcopy(at_poses[8])
+    if not pushed:
+        drive.do(Command.BACK)
+        drive.do(Command.SKIP)
+    drive.do(Command.NEXT)
+    assert drive.said("fit") == [f"8 poses: verdict {'good' if pushed else 'doubtful'}"]
+    said = [(event.severity, event.text) for event in drive.events if event.kind == "finding"]
+    assert said == [] if pushed else [("warning", f"doubtful: {NOT_TESTED}")]
+
+
+def refused(_: cw.Calibration) -> str:
+    raise already_there("cal.json")
+
+
+def test_what_is_accepted_is_written_where_that_is_wanted(tmp_path: Path) -> None:
+    """Going on from the fit accepts it; a check that then fails is in the file, too."""
+    saved = tmp_path / "cal.json"
+    written = Driver(world(6), wish=WISH, save=lambda cal: cal.save(saved) or "cal.json", save_accepted=True)
+    written.calibrated()
+    assert not saved.exists()
+    written.do(Command.NEXT)
+    assert written.said("saved") == ["calibration written to cal.json"]
+    assert cw.Calibration.load(saved).verdict == "good"
+    assert Command.SAVE not in written.session.commands()
+    written.world.bias = tuple(np.add(written.world.bias, 0.5))
+    for _ in range(2):
+        written.turn_to(written.shown().poses.targets[0])  # type: ignore[union-attr]
+    assert written.said("verified")[0].startswith("failed: ")
+    assert len(written.said("saved")) == 2
+    assert cw.Calibration.load(saved).verdict == "doubtful"
+    written.do(Command.NEXT)
+    assert written.session.phase is Phase.RUN
+    assert len(written.said("saved")) == 2
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_a_file_that_is_there_is_kept_and_said(wanted: bool) -> None:
+    drive = Driver(world(6), wish=WISH, save=refused, save_accepted=wanted)
+    drive.calibrated()
+    drive.do(Command.NEXT)
+    assert drive.session.phase is Phase.VERIFY
+    assert drive.session.saved == ""
+    assert drive.said("refusal") == [str(already_there("cal.json"))] * wanted
+
+
+ROLES = "expected sensor or robot: name one of them"
+LOAD = "expected a Calibration: cw.Calibration.load(path)"
+
+
+def fed(batch: object) -> object:
+    return cw.live.Session(sensor="mine").feed(batch, t=0.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: cw.live.Session("a.json"), f"found str, {LOAD}"),  # type: ignore[arg-type]
+        (lambda: cw.live.Session().opened("Sensor", SENSOR, 0.0), f"role is 'Sensor', {ROLES}"),
+        (lambda: cw.live.Session().down("arm", "gone", 0.0), f"role is 'arm', {ROLES}"),
+        (lambda: fed(np.zeros(6)), "mine: found ndarray, expected a Batch: Batch([Sample(arrival, wrench=...)])"),
+        (lambda: fed(Batch([Sample(0.0, wrench=np.zeros(6))])),  # type: ignore[arg-type]
+         "mine: found wrench as ndarray of 6, expected a tuple of 6, as tuple(wrench.tolist())"),
+        (lambda: fed(Batch([Sample(0.0, orientation=(1.0, 0.0, 0.0))])),  # type: ignore[arg-type]
+         "mine: found orientation as tuple of 3, expected a tuple of 4, as tuple(orientation.tolist())"),
+    ],
+)  # fmt: skip
+def test_what_a_program_gives_that_is_none_is_said_in_one_line(call: Callable[[], object], said: str) -> None:
+    with pytest.raises(InputError) as raised:
+        call()
+    assert str(raised.value) == said
+
+
+def test_what_a_program_gives_may_lack_any_part(calibration: cw.Calibration) -> None:
+    session = cw.live.Session(calibration)
+    for role in ("sensor", "robot"):
+        session.opened(role, SENSOR, 0.0)
+    assert session.feed(Batch([Sample(0.0, wrench=(0.0,) * 6)]), Batch([Sample(0.0)]), t=0.0).rows
+    assert session.feed(None, None, t=0.0).rows == 0
 
 
 def test_what_a_device_says_of_itself_is_told() -> None:

@@ -57,7 +57,7 @@ def live(
     ] = None,
     output: Annotated[
         Path | None,
-        options.text("CAL.json", "Where the wizard saves. [default: live-DATE.json]", "--output", "-o"),
+        options.text("CAL.json", "Where what is accepted is saved. [default: live-DATE.json]", "--output", "-o"),
         Writes(),
     ] = None,
     sign: Annotated[
@@ -143,6 +143,7 @@ def live(
             wish=wish,
             options=running,
             save=_saving(output, at_sensor, at_arm, force),
+            save_accepted=output is not None,
         )
         server = serve(hub, host, port, lab=hands) if page else None  # before a file is begun
         if server is not None:
@@ -152,7 +153,7 @@ def live(
         session.recording = None if record is None else True
         if known is None:
             _compiling(0.0, first)  # while a person is at the wizard
-        publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
+        publish, say = hub.publish if page or wizard else None, partial(_say, events, wizard or not events)
         pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, keeper))
         if server is not None:
             options.say(f"Open {server.url}")
@@ -286,14 +287,13 @@ def _settle() -> None:
     gc.freeze()
 
 
-def _say_json(said: Said) -> None:
+def _say(as_json: bool, in_words: bool, said: Said) -> None:
     import msgspec
 
-    typer.echo(options.visible_lines(msgspec.json.encode(said).decode()))
-    sys.stdout.flush()
-
-
-def _say_line(said: Said) -> None:
-    where = f"{said.device}: " if said.device and not said.text.startswith(said.device) else ""
-    when = time.strftime("%H:%M:%S", time.localtime(said.t))
-    options.say(f"{when}  {'' if said.severity == 'note' else said.severity + ': '}{where}{said.text}", err=True)
+    if as_json:
+        typer.echo(options.visible_lines(msgspec.json.encode(said).decode()))
+        sys.stdout.flush()
+    if in_words:
+        where = f"{said.device}: " if said.device and not said.text.startswith(said.device) else ""
+        when = time.strftime("%H:%M:%S", time.localtime(said.t))
+        options.say(f"{when}  {'' if said.severity == 'note' else said.severity + ': '}{where}{said.text}", err=True)

@@ -35,10 +35,8 @@ def probed(source: Source, *, wrench: bool, orientation: bool) -> tuple[About, B
     """
     about = source.open()
     try:
-        for wanted, given, what in (
-            (wrench, about.wrench, "wrench"),
-            (orientation, about.orientation, "orientation of the flange"),
-        ):
+        asked = (wrench, about.wrench, "wrench"), (orientation, about.orientation, "orientation of the flange")
+        for wanted, given, what in asked:
             if wanted and not given:
                 raise InputError(f"{source.uri}: found no {what}, expected one: name another device for that")
         return about, _at_its_rate(source, about)

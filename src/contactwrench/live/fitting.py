@@ -46,6 +46,12 @@ class Fitted(Frozen):
     refusal: str = ""
     settled: str = ""
 
+    @property
+    def reasons(self) -> list[str]:
+        """The findings that make the verdict, in words; none where that is good."""
+        found = () if self.calibration is None else self.calibration.findings
+        return [each.text for each in found if each.severity in (Severity.DOUBTFUL, Severity.WEAK)]
+
 
 @dataclass(frozen=True)
 class Stated:
@@ -161,17 +167,9 @@ def shown(result: Fitted) -> Fit:
     c = result.calibration
     if c is None:
         return Fit("", result.refusal, (), None, None, "", "", ())
-    force, torque = c.expected_error
-    return Fit(
-        verdict=c.verdict,
-        refusal="",
-        parameters=tuple(Parameter(*row) for row in parameter_rows(c)),
-        expected_force=force,
-        expected_torque=torque,
-        sign=result.settled,
-        delay=_delay_in_words(c),
-        findings=tuple((finding.severity.value, finding.text) for finding in c.findings),
-    )
+    parameters = tuple(Parameter(*row) for row in parameter_rows(c))
+    findings = tuple((finding.severity.value, finding.text) for finding in c.findings)
+    return Fit(c.verdict, "", parameters, *c.expected_error, result.settled, _delay_in_words(c), findings)
 
 
 def _delay_in_words(c: Calibration) -> str:

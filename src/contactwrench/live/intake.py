@@ -9,6 +9,9 @@ from collections import deque
 from itertools import pairwise
 from math import inf, isfinite, isnan
 
+import numpy as np
+
+from ..errors import InputError
 from ..samples.samples import LARGEST_READING
 from .bursts import Bursts
 from .clock import LATE, Clock
@@ -78,7 +81,8 @@ class Intake:
         return None if said_before else self._event(t, "down", "note" if ended else "error", text)
 
     def take(self, batch: Batch) -> list[tuple[float, Sample]]:
-        """Samples with the times at which they were taken."""
+        """Samples with the times at which they were taken. Raises `InputError` for what is no batch of samples."""
+        _require_samples(batch, self.uri)
         for note in batch.notes:
             self.lost += note.number if note.kind is NoteKind.LOST else 0
             self.repeated += note.number if note.kind in (NoteKind.REPEATED, NoteKind.DISORDERED) else 0
@@ -178,24 +182,23 @@ class Intake:
 
     def shown(self, t: float) -> Device:
         """For a person, at `t` s."""
-        about = self.about
-        last = max(self._last.values())
-        age = None if last == -inf else t - last
-        return Device(
-            self.uri,
-            self.role,
-            "" if about is None else about.name,
-            self.state,
-            self.text,
-            self._rate.hz,
-            None if about is None or about.replay else about.rate,
-            self.samples,
-            self.lost,
-            self.repeated,
-            self.wrong,
-            age,
-            max(self.clock.lateness, 0.0) if self.samples else None,
-        )
+        about, last = self.about, max(self._last.values())
+        name, asked = ("", None) if about is None else (about.name, None if about.replay else about.rate)
+        counts = self.samples, self.lost, self.repeated, self.wrong
+        age, jitter = None if last == -inf else t - last, max(self.clock.lateness, 0.0) if self.samples else None
+        return Device(self.uri, self.role, name, self.state, self.text, self._rate.hz, asked, *counts, age, jitter)
+
+
+def _require_samples(batch: Batch, uri: str) -> None:
+    """Raise `InputError`: programs of others feed a session, too, and err in all samples alike."""
+    if not isinstance(batch, Batch):
+        raise InputError(f"{uri}: found {type(batch).__name__}, expected a Batch: Batch([Sample(arrival, wrench=...)])")
+    for sample in batch.samples[:1]:
+        for name, size in (("wrench", 6), ("orientation", 4), ("position", 3)):
+            value = getattr(sample, name)
+            if value is not None and not (isinstance(value, tuple | list) and len(value) == size):
+                found = f"{uri}: found {name} as {type(value).__name__} of {np.size(value)}"
+                raise InputError(f"{found}, expected a tuple of {size}, as tuple({name}.tolist())")
 
 
 def _broken(sample: Sample) -> str:

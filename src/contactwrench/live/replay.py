@@ -76,8 +76,7 @@ class Replay:
     def read(self, timeout: float) -> Batch:
         """The samples that are due. Raises `EndOfStreamError` behind the last one, and as `read_streams`."""
         if self._next == len(self._block.due):
-            block = next(self._blocks, None)
-            if block is None:
+            if (block := next(self._blocks, None)) is None:
                 raise EndOfStreamError(f"{self.uri}: the recording has ended")
             self._block, self._next = block, 0
         due, begin = self._block.due, self._next

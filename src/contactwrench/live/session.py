@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import ContactWrench
-from ..errors import ContactWrenchError
+from ..errors import ContactWrenchError, InputError
 from .fitting import SIGNS, shown
 from .history import History, Motion
 from .intake import STREAMING, Intake
@@ -31,7 +31,7 @@ EVENTS_KEPT, NEW_EVENTS_KEPT = 50, 1_000
 TRACE_EVERY, TRACE_KEPT = 1.0 / 125.0, 250
 NO_READING: Six = (nan,) * 6
 NOT_TURNED: Four = (0.0, 0.0, 0.0, 1.0)
-WARNINGS = dict.fromkeys(("refusal", "pose_refused", *OF_SENSOR, *OF_ROBOT), "warning")
+WARNINGS = dict.fromkeys(("refusal", "pose_refused", "finding", *OF_SENSOR, *OF_ROBOT), "warning")
 
 
 class Session:
@@ -44,9 +44,10 @@ class Session:
         wish: how many poses, and what is known, on the way to a calibration.
         options: of the compensation.
         save: writes a calibration, and says where; None: it cannot be saved. May raise a `ContactWrenchError`.
+        save_accepted: write it as soon as a person goes on from its fit, and not only when asked.
 
     Raises:
-        InputError: an option that cannot be meant.
+        InputError: an option that cannot be meant, or no calibration.
     """
 
     def __init__(
@@ -58,23 +59,27 @@ class Session:
         wish: Wish | None = None,
         options: Options | None = None,
         save: Callable[[Calibration], str] | None = None,
+        save_accepted: bool = False,
     ) -> None:
         self._sensor = Intake(sensor, "sensor" if robot is not None else "sensor and robot")
         self._robot = self._sensor if robot is None else Intake(robot, "robot")
         self._track, self._history, self._standing = PoseTrack(), History(), Standing()
-        self._options, self._save = options or Options(), save
+        self._options, self._save, self._save_accepted = options or Options(), save, save_accepted
         self._saved: tuple[Calibration, str] | None = None
-        self._motion = Motion()
+        self._motion, self._traced = Motion(), -inf
         self._wizard = Wizard(wish or Wish(), lambda: self._motion.streams(self._wizard.sign))
         self._runner: Runner | None = None
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._new: deque[Event] = deque(maxlen=NEW_EVENTS_KEPT)
         self._trace: deque[tuple[float | None, ...]] = deque(maxlen=TRACE_KEPT)
-        self._traced = -inf
         self._last: Turn | None = None
         self.recording: bool | None = None
         """Whether it is recorded; None: there is nothing to record to."""
         if calibration is not None:
+            if not isinstance(calibration, Calibration):
+                raise InputError(
+                    f"found {type(calibration).__name__}, expected a Calibration: cw.Calibration.load(path)"
+                )
             self._wizard.phase = Phase.RUN
             self._run(calibration, SIGNS.get(str(calibration.provenance.get("sign", "pull")), 1.0))
 
@@ -94,7 +99,7 @@ class Session:
         return self._saved[1] if self._saved is not None and self._saved[0] is self.calibration else ""
 
     def opened(self, role: str, about: About, t: float) -> None:
-        """The `sensor`, or the `robot`, is there."""
+        """The `sensor`, or the `robot`, is there. Raises `InputError` for another role."""
         unknown = self._sensor.about is None
         self._say(self._intake(role).opened(about, t))
         if unknown and self._sensor.about is not None and self._runner is not None:  # now its rate and ranges are known
@@ -102,8 +107,7 @@ class Session:
 
     def down(self, role: str, text: str, t: float) -> None:
         """The `sensor`, or the `robot`, cannot be reached, or went away."""
-        event = self._intake(role).down(text, t)
-        if event is not None:
+        if event := self._intake(role).down(text, t):
             self._say(event)
 
     def outlet_ended(self, text: str, t: float) -> None:
@@ -111,6 +115,8 @@ class Session:
         self._say(Event(t, "sink", "error", text))
 
     def _intake(self, role: str) -> Intake:
+        if role not in ("sensor", "robot"):
+            raise InputError(f"role is {role!r}, expected sensor or robot: name one of them")
         return self._robot if role == "robot" else self._sensor
 
     def feed(self, sensor: Batch | None = None, robot: Batch | None = None, *, t: float) -> Turn:
@@ -120,15 +126,16 @@ class Session:
             sensor: from the sensor, in the order in which it came.
             robot: from the robot.
             t: now. Call it twenty times a second or more, also where nothing came: silence is found so.
+
+        Raises:
+            InputError: something else than batches of samples.
         """
         poses = [] if robot is None else self._robot.take(robot)
         readings = [] if sensor is None else self._sensor.take(sensor)
         if self._robot is self._sensor:
             poses = readings
         turns = [(when, pose) for when, pose in poses if pose.orientation is not None and not pose.flaw]
-        known = [
-            each for each in turns if self._track.add(each[0], each[1].orientation or NOT_TURNED, each[1].position)
-        ]
+        known = [(at, pose) for at, pose in turns if self._track.add(at, pose.orientation or NOT_TURNED, pose.position)]
         if self._runner is not None:
             self._runner.came(known)
         turn = self._turn([(when, each) for when, each in readings if each.wrench is not None or each.flaw], turns)
@@ -142,7 +149,9 @@ class Session:
             for event in intake.look(t):
                 self._say(event)
         if self._standing.look(self._history, t) and self.phase is not Phase.RUN:
-            self._happened(self._wizard.look(self._history, self._standing, t), t)
+            self._happened(said := self._wizard.look(self._history, self._standing, t), t)
+            if any(kind == "verified" for kind, _ in said):
+                self._keep(t)
         return turn
 
     def _turn(self, samples: list[tuple[float, Sample]], poses: list[tuple[float, Sample]]) -> Turn:
@@ -183,6 +192,7 @@ class Session:
             else:
                 self._happened(self._wizard.do(command, number, self._history), t)
                 self._run_or_stop()
+                self._keep(t)
         except ContactWrenchError as error:
             self._happened([("refusal", str(error))], t)
 
@@ -211,6 +221,11 @@ class Session:
             self._saved = self.calibration, self._save(self.calibration)
             self._happened([("saved", f"calibration written to {self.saved}")], t)
 
+    def _keep(self, t: float) -> None:
+        """Write what a person has accepted, and what a check has made of it, where that is wanted."""
+        if self._save_accepted and self.phase in (Phase.VERIFY, Phase.RUN) and Command.SAVE in self.commands():
+            self.do(Command.SAVE, t)
+
     def _trace_of(self, turn: Turn) -> None:
         for k, reading in enumerate(turn.readings):
             if reading.t - self._traced >= TRACE_EVERY:
@@ -219,7 +234,8 @@ class Session:
                 wrench = reading.wrench if made is None else made.wrench.tolist()
                 valid = not reading.flaw if made is None else made.valid
                 touching = -1.0 if made is None or made.contact is None else float(made.contact)
-                self._trace.append((reading.t, *map(_plain, wrench), float(valid), touching))
+                plain = (value if isfinite(value) else None for value in wrench)
+                self._trace.append((reading.t, *plain, float(valid), touching))
 
     def _happened(self, what: list[tuple[str, str]], t: float) -> None:
         for kind, text in what:
@@ -282,7 +298,3 @@ class Session:
             outputs=outputs,
             recording=recording if self.recording else "",
         )
-
-
-def _plain(value: float) -> float | None:
-    return value if isfinite(value) else None

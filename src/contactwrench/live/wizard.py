@@ -184,7 +184,8 @@ class Wizard:
             streams = self._streams()
             whole = with_inertia(with_delay(self.calibration, streams), streams)
             self.fit = Fitted(whole, self.sign, "", self.fit.settled)
-        return [("fit", f"{len(taken)} poses: verdict {self.calibration.verdict}")]
+        told = [("finding", reason) for reason in self.fit.reasons]
+        return [("fit", f"{len(taken)} poses: verdict {self.calibration.verdict}"), *told]
 
     def _check(self) -> list[Happened]:
         """Hold the newest pose of the verification against the calibration, and at the end all of them."""
@@ -222,17 +223,12 @@ class Wizard:
         if self.phase not in (Phase.POSES, Phase.VERIFY):
             return None
         taking = self.poses if self.phase is Phase.POSES else self._verifying
-        force, torque = force_std(self.calibration)
+        (force, torque), wanted, number = force_std(self.calibration), self._wish.wanted, len(self.poses.taken)
+        turn = angle_between(here, self._targets[0]) if here is not None and self._targets else None
         return Poses(
             tuple(Pose(pose.turn, pose.doubt) for pose in taking.taken),
-            self._targets,
-            angle_between(here, self._targets[0]) if here is not None and self._targets else None,
-            taking.progress,
-            taking.waiting,
-            force,
-            torque,
-            self._wish.wanted,
-            force is not None and force <= self._wish.wanted and len(self.poses.taken) >= FEWEST_POSES,
-            tuple(self._std_forces.get(n) for n in range(1, len(self.poses.taken) + 1)),
-            FEWEST_POSES if self.phase is Phase.POSES else CHECKS,
+            *(self._targets, turn, taking.progress, taking.waiting, force, torque, wanted),
+            enough=force is not None and force <= wanted and number >= FEWEST_POSES,
+            history=tuple(self._std_forces.get(n) for n in range(1, number + 1)),
+            fewest=FEWEST_POSES if self.phase is Phase.POSES else CHECKS,
         )

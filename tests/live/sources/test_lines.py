@@ -51,6 +51,39 @@ def test_units_stand_in_names() -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "first", "per_s"),
+    [
+        ("timestamp", 1_700_000_000_000_000_000, 1e9),
+        ("timestamp", 1_700_000_000_000_000, 1e6),
+        ("timestamp", 1_700_000_000_000, 1e3),
+        ("t", 1_700_000_000, 1.0),
+        ("t", 0, 1.0),
+        ("t_ns", 1_700_000_000_000_000_000, 1e9),
+        ("t_ns", 5_000_000_000, 1e9),
+        ("timestamp_ms", 1_700_000_000_000, 1e3),
+        ("t [us]", 5_000_000, 1e6),
+    ],
+)
+def test_the_unit_of_times_is_told_as_in_recordings(name: str, first: int, per_s: float) -> None:
+    """By the name, or else by the size; the 100 s without a line are 100 s, and no counter that began anew."""
+    decoder, batch, six = LinesDecoder(Naming(), None), Batch(), '"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0'
+    for s in (0, 100, 101):
+        decoder.feed(f'{{"{name}": {first + round(s * per_s)}, {six}}}\n'.encode(), 5.0 + s, batch)
+    assert batch.notes == []
+    assert [each.device for each in batch.samples] == pytest.approx(
+        [first / per_s + s for s in (0, 100, 101)], abs=1e-6
+    )
+
+
+def test_a_stamp_that_is_not_set_at_first_hides_no_unit() -> None:
+    decoder, batch, six = LinesDecoder(Naming(), None), Batch(), '"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0'
+    for t in ("null", "0", "1700000000000000000", "1700000000002000000"):
+        decoder.feed(f'{{"t": {t}, {six}}}\n'.encode(), 5.0, batch)
+    assert [note.kind for note in batch.notes] == [NoteKind.RESTARTED]
+    assert batch.samples[-1].device - batch.samples[-2].device == pytest.approx(0.002, abs=1e-6)
+
+
+@pytest.mark.parametrize(
     ("names", "numbers", "orientation", "turn"),
     [
         ("a,b,c", [10, 20, 30], "auto", Rotation.from_euler("ZYX", [10, 20, 30], degrees=True)),
@@ -168,6 +201,30 @@ def test_what_comes_in_place_of_lines_is_shown(sent: bytes, said: str, monkeypat
         monkeypatch.setattr("sys.stdin", stdin)
         os.write(to_write, sent)
         assert refusal(source_of("stdin:")) == f"stdin:: {said}"
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("0,1,2,3,4,5,6", ", all stamped alike, expected samples: let their time or number go on, or leave it out"),
+        ("no sample", " without a sample, expected samples: check what sends them"),
+    ],
+)
+def test_what_is_no_stream_is_said_with_its_cause(line: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contactwrench.live.sources.reader.NOT_A_STREAM", 1_000)
+    to_read, to_write = os.pipe()
+    with io.FileIO(to_read) as stdin, io.FileIO(to_write, "w"):
+        monkeypatch.setattr("sys.stdin", stdin)
+        os.write(to_write, f"t,{WRENCH}\n0,1,2,3,4,5,6\n".encode())
+        source = source_of("stdin:")
+        source.open()
+        source.read(0.1)
+        sent = f"{line}\n".encode() * 120
+        os.write(to_write, sent)
+        with pytest.raises(DeviceError) as raised:
+            source.read(1.0)
+        source.close()
+    assert str(raised.value) == f"stdin:: found {len(sent)} bytes{said}"
 
 
 def test_a_port_that_nobody_sends_to(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,8 +7,11 @@ import re
 import struct
 import sys
 import threading
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
+from itertools import count
+from select import select
 from time import sleep
 from types import SimpleNamespace
 
@@ -22,8 +25,9 @@ from contactwrench.geometry.orientation import CONVENTIONS
 from contactwrench.geometry.quaternions import from_kuka_abc
 from contactwrench.lab.netft import NetFt
 from contactwrench.lab.rsi import Rsi
+from contactwrench.lab.signals import Plain
 from contactwrench.live.devices import probed
-from contactwrench.live.source import Batch, NoteKind
+from contactwrench.live.source import Batch, NoteKind, Source
 from contactwrench.live.sources import ft300, netft, rsi
 from contactwrench.live.sources.ros2 import Ros2
 from contactwrench.live.uri import parsed, source_of
@@ -56,8 +60,23 @@ def test_a_status_of_ati_is_understood(status: int, saturated: str, word: str) -
     assert [note.kind for note in batch.notes] == [NoteKind.STATUS]
 
 
-def test_a_net_ft_in_pounds_is_read_in_newtons() -> None:
-    with NetFt(numbered(), units=("lbf", "lbf-in"), counts=(1e5, 1e4)) as fake:
+@pytest.mark.parametrize(
+    ("units", "newtons", "newton_metres"),
+    [
+        (("lbf", "lbf-in"), 4.4482216, 0.11298483),
+        (("N", "N-m"), 1.0, 1.0),
+        (("klbf", "lbf-ft"), 4448.2216, 1.3558179),
+        (("kN", "N-mm"), 1000.0, 0.001),
+        (("kgf", "kgf-cm"), 9.80665, 0.0980665),
+        (("gf", "kN-m"), 0.00980665, 1000.0),
+    ],
+)
+def test_a_net_ft_in_any_of_its_units_is_read_in_newtons(
+    units: tuple[str, str], newtons: float, newton_metres: float
+) -> None:
+    """The force and torque units of ATI's pages."""
+    signal = Plain(step=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    with NetFt(signal, units=units, counts=(1e5, 1e4)) as fake:
         source = source_of(fake.uri)
         source.open()
         found = read(source, 0.1).samples
@@ -65,12 +84,23 @@ def test_a_net_ft_in_pounds_is_read_in_newtons() -> None:
     first, last = found[0].wrench, found[-1].wrench
     assert first is not None
     assert last is not None
-    assert (last[0] - first[0]) / (len(found) - 1) == pytest.approx(4.4482216, rel=1e-6)
+    assert (last[0] - first[0]) / (len(found) - 1) == pytest.approx(newtons, rel=1e-6)
+    assert (last[5] - first[5]) / (len(found) - 1) == pytest.approx(newton_metres, rel=1e-6)
 
 
-def test_units_that_nobody_knows_are_refused() -> None:
-    with NetFt(numbered(), units=("stone", "Nm")) as fake:
-        assert "per stone, expected counts of a unit of force" in refusal(source_of(fake.uri))
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [
+        (("kg", "kg-cm"), "1e+06 per kg, expected counts of a unit of force: set its force units to N on its page"),
+        (
+            ("N", "stone"),
+            "1e+06 per stone, expected counts of a unit of torque: set its torque units to N-m on its page",
+        ),
+    ],
+)
+def test_units_of_no_known_size_are_refused(units: tuple[str, str], said: str) -> None:
+    with NetFt(numbered(), units=units) as fake:
+        assert refusal(source_of(fake.uri)) == f"{fake.uri}: found {said}"
 
 
 @pytest.mark.parametrize(
@@ -78,8 +108,8 @@ def test_units_that_nobody_knows_are_refused() -> None:
     [
         ("cfgcomrdtrate", "often", "found no rate on the page, expected cfgcomrdtrate"),
         ("cfgcomrdtrate", "inf", "found no rate on the page, expected cfgcomrdtrate"),
-        ("cfgcpf", "1,000,000", "found 1,000,000 per N, expected counts of a unit of force"),
-        ("cfgcpt", "inf", "found inf per Nm, expected counts of a unit of torque"),
+        ("cfgcpf", "1,000,000", "found 1,000,000 per N, expected counts of a unit of force: set it on its page"),
+        ("cfgcpt", "inf", "found inf per Nm, expected counts of a unit of torque: set it on its page"),
     ],
 )
 def test_a_page_without_numbers_is_refused(tag: str, said: str, found: str) -> None:
@@ -118,6 +148,55 @@ def test_a_robot_is_answered_with_its_ipoc_and_no_correction() -> None:
         assert fake.correction.tolist() == [0.25, 0.0, 0.0, 0.0, 0.0, 0.5]
 
 
+OTHERS = {
+    "no RIst": (
+        lambda data: data.replace(b"RIst", b"RSol"),
+        "datagrams without RIst, expected RIst and IPOC in each: set DEF_RIst in the RSI configuration",
+    ),
+    "no IPOC": (
+        lambda data: data.partition(b"<IPOC>")[0] + b"</Rob>",
+        "datagrams without IPOC, expected RIst and IPOC in each: let RSI's own Ethernet object send them",
+    ),
+    "commas": (
+        lambda data: data.replace(b".", b","),
+        'X="0,000000", expected numbers: send them with a decimal point',
+    ),
+    "single quotes": (
+        lambda data: data.replace(b'"', b"'"),
+        'RIst that is not whole, expected X="..", Y, Z, A, B, C in it: send all six, in double quotes',
+    ),
+    "joints": (
+        lambda data: re.sub(rb'A2="[^"]*"', b'A2="?"', data),
+        'A2="?", expected numbers: send them with a decimal point',
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "said"), OTHERS.values(), ids=OTHERS)
+def test_a_robot_that_sends_something_else_is_told_what(change: Callable[[bytes], bytes], said: str) -> None:
+    class Other(Rsi):
+        def _cycle(self, t: float, number: int) -> bytes:
+            return change(super()._cycle(t, number))
+
+    with Other(numbered(), (LOCALHOST, free_port())) as robot:
+        assert refusal(source_of(robot.uri)) == f"{robot.uri}: found {said}"
+
+
+def test_where_no_robot_sends_that_is_said() -> None:
+    uri = f"rsi://{LOCALHOST}:{free_port()}"
+    assert refusal(source_of(uri)) == (
+        f"{uri}: found no robot that sends, expected its RSI datagrams: start the program with RSI_MOVECORR"
+    )
+
+
+def test_a_datagram_that_is_none_is_said_between_others() -> None:
+    decoder, batch = rsi.RsiDecoder(), Batch()
+    decoder.feed(b"<Rob><IPOC>4</IPOC></Rob>", 0.0, batch)
+    assert batch.notes == [
+        (NoteKind.GARBAGE, "datagrams without RIst: set DEF_RIst in the RSI configuration", 25, 0),
+    ]
+
+
 def test_late_answers_are_told() -> None:
     decoder, batch = rsi.RsiDecoder(), Batch()
     for k, late in enumerate((0, 0, 2, 2)):
@@ -153,31 +232,84 @@ def test_a_serial_answer_has_a_sum_that_pymodbus_makes_too(cuts: list[int], valu
     assert [sample.wrench for sample in batch.samples] == [pytest.approx(scaled)] * (3 - spoiled)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no serial lines of this kind")
-def test_a_serial_line_gives_what_it_can() -> None:
-    """It is asked 100 times a second, answers 50 times, and that is not another rate than it says."""
+BODY = ft300.ANSWER + struct.pack(">6h", 100, 0, 0, 0, 0, 0)
+WHOLE = BODY + ft300.crc(BODY)
+
+
+@contextmanager
+def on_a_line(answers: Callable[[bytes], bytes], streams: bool = False) -> Iterator[tuple[Source, list[bytes]]]:
+    """A sensor that gives to each question its answer, by a serial line, and all that it was sent; one that `streams`
+    sends frames until it has been sent 50 times 0xFF, and hears nothing else.
+    """
+    if sys.platform == "win32":
+        pytest.skip("no serial lines of this kind")
     pty, tty = import_module("pty"), import_module("tty")
     master, line = pty.openpty()
     tty.setraw(line)
-    body = ft300.ANSWER + struct.pack(">6h", 100, 0, 0, 0, 0, 0)
+    sent: list[bytes] = []
 
-    def answers() -> None:
+    def run() -> None:
         with suppress(OSError):
-            while os.read(master, 64):
+            while streams and b"".join(sent).count(b"\xff") < 50:
+                os.write(master, b"\x20\x4e" + BODY[3:] + b"\0\0")
+                sleep(0.01)
+                if select([master], [], [], 0.0)[0]:
+                    sent.append(os.read(master, 64))
+            while data := os.read(master, 64):
+                sent.append(data)
                 sleep(0.02)
-                os.write(master, body + ft300.crc(body))
+                os.write(master, answers(data))
 
-    thread = threading.Thread(target=answers)
+    thread = threading.Thread(target=run)
     thread.start()
     source = source_of(f"ft300://{os.ttyname(line)}")
     try:
-        assert probed(source, wrench=True, orientation=False)[0].rate is None
-        assert source.read(0.5).samples[0].wrench == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        yield source, sent
     finally:
         source.close()
         os.close(line)
         thread.join()
         os.close(master)
+
+
+def test_a_serial_line_gives_what_it_can() -> None:
+    """It is asked 100 times a second, answers 50 times, and that is not another rate than it says."""
+    with on_a_line(lambda _: WHOLE) as (source, _):
+        assert probed(source, wrench=True, orientation=False)[0].rate is None
+        assert source.read(0.5).samples[0].wrench == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "kind"),
+    [
+        (BODY + b"\0\0", NoteKind.WRONG_SUM),
+        (WHOLE[:9] + WHOLE[10:], NoteKind.GARBAGE),
+        (b"\0" + WHOLE[1:], NoteKind.GARBAGE),
+        (b"", None),
+    ],
+    ids=["wrong sum", "a byte lost", "no head", "no answer"],
+)
+def test_a_spoiled_answer_is_asked_for_again_at_once(
+    monkeypatch: pytest.MonkeyPatch, spoiled: bytes, kind: NoteKind | None
+) -> None:
+    """And one that does not come, after a while: then nobody may be there."""
+    asked = count()
+    with on_a_line(lambda _: spoiled if next(asked) % 2 else WHOLE) as (source, _):
+        source.open()
+        monkeypatch.setattr(ft300, "AGAIN", 30.0)
+        found = read(source, 10.0, kind) if kind else read(source, 0.5)
+    assert {note.kind for note in found.notes} == ({kind} if kind else set())
+    assert len(found.samples) >= 10 if kind else len(found.samples) == 1
+    assert {sample.wrench for sample in found.samples} == {(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)}
+
+
+@pytest.mark.parametrize("streams", [True, False])
+def test_a_stream_that_another_program_left_is_ended(streams: bool) -> None:
+    with on_a_line(lambda _: WHOLE, streams) as (source, sent):
+        settings = source.open().settings
+        assert source.read(0.5).samples[0].wrench == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert settings.get("stream") == ("another program had left one running, it was ended" if streams else None)
+    assert b"".join(sent).count(b"\xff") == 50 * streams
 
 
 @given(st.binary(max_size=300))

@@ -8,11 +8,14 @@ from functools import partial
 from math import isfinite, nan
 from typing import cast
 
+import numpy as np
+
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import to_quat_xyzw
 from ...recording.tables.columns import Column, Naming, OpenTable, places_of
 from ...recording.tables.orientations import orientation_columns
 from ...recording.tables.roles import roles_beside, wrench_columns
+from ...recording.tables.table import in_seconds
 from ..counter import Counter
 from ..source import Batch, Four, Note, NoteKind, Sample, Six, Three
 
@@ -54,7 +57,8 @@ class NamedColumns:
         roles = self._roles
         turns = self._turns(rows) if roles.orientation else [None] * len(rows)
         for row, turn in zip(rows, turns, strict=True):
-            device = sum(_in_si(row, roles.t)) if roles.t else nan
+            seconds = in_seconds(np.array([_in_si(row, roles.t)]), roles.t)  # row by row: the first may have no time
+            device = nan if seconds is None else float(seconds[0])
             if isfinite(1e6 * device):
                 self._first = device if self._first is None else self._first
                 if (fresh := self._counter.take(round(1e6 * device), arrival, batch)) is None:
@@ -87,8 +91,6 @@ class NamedColumns:
             return None
 
     def _converted(self, values: list[tuple[float, ...]]) -> list[Four | None]:
-        import numpy as np
-
         there = [all(map(isfinite, each)) for each in values]
         if self._convention is None or not any(there):
             return [None] * len(values)

@@ -7,10 +7,10 @@ import selectors
 from struct import Struct
 from time import monotonic
 
-from ..source import About, Batch, Note, NoteKind, Sample
+from ..source import About, Batch, DeviceError, Note, NoteKind, Sample
 from ..uri import Uri
 from .reader import Reader
-from .transport import Link, Tcp
+from .transport import Deadline, StandardInput, Tcp
 
 PORT, UNIT = 502, 9
 RATE = 100.0
@@ -18,8 +18,14 @@ QUESTION = Struct(">BBHH").pack(UNIT, 3, 180, 6)
 """Registers 180 to 185 hold forces in 0.01 N and torques in 0.001 N m (Robotiq's manual)."""
 _registers = Struct(">6h")
 ANSWER = bytes([UNIT, 3, _registers.size])
-AGAIN = 0.5
-"""s without an answer after which the question is asked again."""
+AGAIN, WITHIN = 0.5, 0.02
+"""s without an answer after which the question is asked again; and, by a serial line, without the rest of one, which an
+adapter to USB may hold for 16 ms: what comes 60 ms after the last sample would be taken for late.
+"""
+STREAM, END_OF_STREAM, SEEN = b"\x20\x4e", b"\xff" * 50, 0.05
+"""What a frame begins with of the stream that a sensor may send unasked, which takes no questions; what ends it
+(Robotiq's manual); and s in which it is seen: frames come 100 times a second.
+"""
 
 
 class Ft300Decoder:
@@ -47,15 +53,20 @@ class Ft300Decoder:
         self._note_garbage(max(len(buffer) - keep, 0), batch)
         self._buffer = buffer[-keep:]
 
+    def give_up(self, batch: Batch) -> None:
+        """Leave what has come of an answer that does not come whole."""
+        self._note_garbage(len(self._buffer), batch)
+        self._buffer = b""
+
     def _note_garbage(self, number: int, batch: Batch) -> None:
         if number:
             batch.notes.append(Note(NoteKind.GARBAGE, f"{number} bytes that are no answer", number))
 
 
-class Serial(Link):
-    """A serial line at 19,200 baud, 8 bits, no parity."""
+class Serial(StandardInput):
+    """A serial line at 19,200 baud, 8 bits, no parity, which is read as any file is."""
 
-    def start(self, path: str) -> None:
+    def plug(self, path: str) -> None:
         """Open it. Raises `DeviceError`."""
         try:
             import termios
@@ -76,18 +87,8 @@ class Serial(Link):
         if self._socket is not None:
             self._socket.write(data)
 
-    def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: it was pulled out."""
-        with self._lock:
-            if not self._ready(selectors.EVENT_READ, timeout):
-                return []
-            try:
-                data = self._socket.read(256)
-            except OSError:
-                data = b""
-        if data == b"":
-            raise self.error("the line gone", "samples", "check its plug")
-        return [data] if data else []
+    def _ended(self) -> DeviceError:
+        return self.error("the line gone", "samples", "check its plug")
 
 
 class Ft300(Reader[Tcp | Serial]):
@@ -108,27 +109,49 @@ class Ft300(Reader[Tcp | Serial]):
     def open(self) -> About:
         """As `Source`."""
         deadline = self._link.deadline()
+        settings = {"by": self._path or "Modbus TCP"}
         if isinstance(self._link, Tcp):
             self._link.connect(*self._at, deadline)
         else:
-            self._link.start(self._path)
-        self._number, self._asked, self._due = 0, False, monotonic()
-        self._begin(Ft300Decoder(bool(self._path)))
-        self._first(deadline, self._link.silent("six Modbus registers from 180 on"))
-        rate, how = (None, self._path) if self._path else (RATE, "Modbus TCP")  # what a serial line can is its own
-        return About("Robotiq FT 300", wrench=True, orientation=False, rate=rate, settings={"by": how})
+            self._link.plug(self._path)
+            settings |= self._stream_ended(deadline)
+        self._number, self._asked, self._due, self._heard = 0, False, monotonic(), 0.0
+        self._answers = Ft300Decoder(bool(self._path))
+        self._begin(self._answers)
+        self._first(deadline, lambda: self._link.silent("six Modbus registers from 180 on"))
+        rate = None if self._path else RATE  # what a serial line can is its own
+        return About("Robotiq FT 300", wrench=True, orientation=False, rate=rate, settings=settings)
+
+    def _stream_ended(self, deadline: Deadline) -> dict[str, str]:
+        """End the stream in which another program has left the sensor; what is to be said of that."""
+        seen, came = self._link.deadline(SEEN), b""
+        while seen.left and STREAM not in came:
+            came += b"".join(self._link.receive(seen.left))
+        if STREAM not in came:
+            return {}
+        self._link.send(END_OF_STREAM)
+        while deadline.left and self._link.receive(SEEN):
+            pass
+        return {"stream": "another program had left one running, it was ended"}
 
     def read(self, timeout: float) -> Batch:
-        """As `Source`: it asks for a sample when that is due, and waits for the answer."""
+        """As `Source`: it asks for a sample when that is due, and at once where the answer is spoiled."""
         if not self._early.samples and not self._asked:
             if (wait := self._due - monotonic()) > 0.0:
                 self._link.receive(min(wait, timeout))
                 if wait >= timeout:
                     return Batch()
             self._ask()
-        batch = super().read(timeout)
+        unread = self._unread
+        batch = super().read(min(timeout, WITHIN) if self._path else timeout)
+        self._heard = monotonic() if self._unread > unread else self._heard
         if batch.samples:
             self._asked, self._due = False, max(self._due + 1.0 / RATE, monotonic() - 1.0 / RATE)
+        elif self._path and (batch.notes or self._sent < self._heard < monotonic() - WITHIN):
+            while self._link.receive(0.0):
+                pass
+            self._answers.give_up(batch)
+            self._ask()
         elif monotonic() - self._sent > AGAIN:
             self._ask()
         return batch

@@ -137,11 +137,14 @@ class _Lines(Reader[AnyLink]):
     RATE = "the sender's"
     TESTED = "the lab's senders"
     OPTIONS = "[?rate=HZ][&columns=t,fx,..][&orientation=NAME[:COLUMNS]][&units=force=kgf,..]"
-    WHOLE = False
+    WHOLE, LIKE = False, ""
+    """Whether what comes ends with a line's end; and an address with its port, where it has to have one."""
 
     def __init__(self, uri: Uri, link: AnyLink) -> None:
         uri.only("rate", "columns", "orientation", "units")
         super().__init__(uri, link)
+        if self.LIKE and uri.port is None:
+            raise InputError(f"{uri}: found no port, expected one, as {self.LIKE}")
         self._rate = uri.rate()
         self._naming = Naming(orientation=uri.options.get("orientation", "auto"), units=uri.options.get("units"))
         self._columns = [name.strip() for name in uri.options.get("columns", "").split(",") if name.strip()]
@@ -155,7 +158,7 @@ class _Lines(Reader[AnyLink]):
         decoder = self._fresh()
         self._begin(decoder)
         try:
-            early = self._first(deadline, self._silent())
+            early = self._first(deadline, self._silent)
         except DeviceError:
             if not (line := (decoder.refused or decoder.rest)[:SHOWN]):
                 raise
@@ -192,12 +195,10 @@ class UdpLines(_Lines[Udp]):
     """A port that others send to."""
 
     FORM = f"udp://[HOST]:PORT{_Lines.OPTIONS}"
-    WHOLE = True
+    WHOLE, LIKE = True, "udp://:9000"
 
     def __init__(self, uri: Uri) -> None:
         super().__init__(uri, Udp(uri.text, "sender of lines"))
-        if uri.port is None:
-            raise InputError(f"{uri}: found no port, expected one, as udp://:9000")
 
     def _connect(self, deadline: Deadline) -> None:
         self.port = self._link.bind(self._at[0], self._at[1] or 0)
@@ -209,12 +210,10 @@ class UdpLines(_Lines[Udp]):
 class TcpLines(_Lines[Tcp]):
     """A server."""
 
-    FORM = f"tcp://HOST:PORT{_Lines.OPTIONS}"
+    FORM, LIKE = f"tcp://HOST:PORT{_Lines.OPTIONS}", "tcp://192.168.0.10:9000"
 
     def __init__(self, uri: Uri) -> None:
         super().__init__(uri, Tcp(uri.text, "server of lines"))
-        if uri.port is None:
-            raise InputError(f"{uri}: found no port, expected one, as tcp://192.168.0.10:9000")
 
     def _connect(self, deadline: Deadline) -> None:
         self._link.connect(self._at[0], self._at[1] or 0, deadline)

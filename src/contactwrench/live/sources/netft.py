@@ -97,7 +97,7 @@ class NetFt(Reader[Udp]):
         saturated = SATURATED["axia" if "axia" in name.lower() else "net"]
         self._begin(NetFtDecoder(counts, rate, saturated))
         self._heard = monotonic()
-        self._first(deadline, self._link.silent("records"))
+        self._first(deadline, lambda: self._link.silent("records"))
         settings = {"zero": "the box was told to zero itself: its bias is not the sensor's"} if self._zero else {}
         return About(f"ATI {name}", wrench=True, orientation=False, rate=rate, settings=settings)
 
@@ -130,11 +130,14 @@ class NetFt(Reader[Udp]):
     def _counts(self, page: str, quantity: str, of: str, unit: str) -> float:
         """Counts of one N or N m."""
         number, spelled = _text(page, of), _text(page, unit)
-        counts, known = _number(number), unit_of(quantity, spelled)
+        kilo = quantity == "force" and spelled.lower().startswith("klb")  # the only unit of ATI's that no table has
+        counts, known = _number(number), unit_of(quantity, spelled[kilo:])
         if known is None or not 0.0 < counts < inf:
             expected = f"counts of a unit of {quantity}"
-            raise self._link.error(f"{number or 'nothing'} per {spelled or 'nothing'}", expected, "set it on its page")
-        return counts * per_si(quantity, known)
+            do = f"set its {quantity} units to {'N' if quantity == 'force' else 'N-m'} on its page"
+            found = f"{number or 'nothing'} per {spelled or 'nothing'}"
+            raise self._link.error(found, expected, "set it on its page" if known else do)
+        return counts * per_si(quantity, known) / (1e3 if kilo else 1.0)
 
 
 def _number(text: str) -> float:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Generic, Protocol, TypeVar
 
-from ..source import Batch, DeviceError, now
+from ..source import Batch, DeviceError, NoteKind, now
 from ..uri import Uri
 from .transport import Deadline, Link
 
@@ -52,7 +53,10 @@ class Reader(Generic[AnyLink]):
         if batch.samples:
             self._unread = 0
         elif self._unread > NOT_A_STREAM:
-            raise self._link.error(f"{self._unread} bytes without a sample", "samples", "check what sends them")
+            alike = bool(batch.notes) and batch.notes[-1].kind is NoteKind.REPEATED
+            found = f"{self._unread} bytes{', all stamped alike' if alike else ' without a sample'}"
+            do = "let their time or number go on, or leave it out" if alike else "check what sends them"
+            raise self._link.error(found, "samples", do)
         return batch
 
     def close(self) -> None:
@@ -65,12 +69,12 @@ class Reader(Generic[AnyLink]):
     def _begin(self, decoder: Decoder) -> None:
         self._decoder, self._early, self._unread = decoder, Batch(), 0
 
-    def _first(self, deadline: Deadline, missing: DeviceError, number: int = 1) -> Batch:
+    def _first(self, deadline: Deadline, missing: Callable[[], DeviceError], number: int = 1) -> Batch:
         """What came up to the first samples, so many; `read` gives it again. Raises `missing` where none come."""
         early = Batch()
         while len(early.samples) < number:
             if not deadline.left:
-                raise missing
+                raise missing()
             early.add(self.read(min(deadline.left, LOOK)))
             self._unread = 0  # the deadline says it better
         self._early = early

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from math import isfinite, radians
 
+from ...errors import visible
 from ...geometry.quaternions import from_kuka_abc
 from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six, now
@@ -17,8 +18,8 @@ from .transport import Udp
 PORT = 49_152
 SHORTEST = 4
 """ms, of the robot's cycles; the other is 12."""
-FIRST = 6
-"""Datagrams by which the cycle is told."""
+FIRST, SHOWN = 6, 40
+"""Datagrams by which the cycle is told; and letters of one that are shown."""
 _ipoc = re.compile(rb"<IPOC>\s*(\d+)\s*</IPOC>").search
 _pose = re.compile(rb"<RIst\s([^>]*)/>").search
 _joints = re.compile(rb"<AIPos\s([^>]*)/>").search
@@ -36,6 +37,8 @@ class RsiDecoder:
         self._counter, self._late = Counter(1e-3, step=SHORTEST, learns=True), 0
         self.ipoc = 0
         """Of the last datagram that had one, else 0."""
+        self.amiss = "no robot that sends", "its RSI datagrams", "start the program with RSI_MOVECORR"
+        """What was found, what expected, and what to do, by the last datagram that was no sample."""
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
         """Put the sample into the batch."""
@@ -47,9 +50,8 @@ class RsiDecoder:
                 raise ValueError
             joints = _angles(data)
         except ValueError:
-            batch.notes.append(
-                Note(NoteKind.GARBAGE, f"{len(data)} bytes without numbers in RIst, AIPos and IPOC", len(data))
-            )
+            self.amiss = what, _, do = _amiss(data)
+            batch.notes.append(Note(NoteKind.GARBAGE, f"{what}: {do}", len(data)))
             return
         device = self._counter.take(self.ipoc, arrival, batch)
         self._note_late(data, batch)
@@ -89,8 +91,7 @@ class Rsi(Reader[Udp]):
         self.port = self._link.bind(*self._at)
         self._rsi = RsiDecoder()
         self._begin(self._rsi)
-        missing = self._link.error("no robot that sends", "its RSI datagrams", "start the program with RSI_MOVECORR")
-        first = self._first(deadline, missing, FIRST)
+        first = self._first(deadline, lambda: self._link.error(*self._rsi.amiss), FIRST)
         step = min(b.device - a.device for a, b in pairwise(first.samples))
         settings = {"pose": "of $TOOL in $BASE: with a $TOOL that is turned or shifted it is not the flange's"}
         rate = round(1.0 / step, 3)
@@ -115,6 +116,22 @@ def answer(ipoc: int, correction: Six = NO_CORRECTION) -> bytes:
     """What the robot is to have within the cycle."""
     values = " ".join(f'{name}="{value:.4f}"' for name, value in zip("XYZABC", correction, strict=True))
     return f'<Sen Type="ImFree"><RKorr {values}/><IPOC>{ipoc}</IPOC></Sen>'.encode()
+
+
+def _amiss(data: bytes) -> tuple[str, str, str]:
+    """What a datagram that is no sample is found to be, what is expected, and what to do."""
+    pose, joints = _pose(data), _joints(data)
+    if not pose:
+        return "datagrams without RIst", "RIst and IPOC in each", "set DEF_RIst in the RSI configuration"
+    if not _ipoc(data):
+        return "datagrams without IPOC", "RIst and IPOC in each", "let RSI's own Ethernet object send them"
+    for name, value in _attributes(pose[1] + (joints[1] if joints else b"")):
+        try:
+            float(value)
+        except ValueError:
+            shown = visible(f'{name.decode("latin-1")}="{value.decode("latin-1")}"'[:SHOWN])
+            return shown, "numbers", "send them with a decimal point"
+    return "RIst that is not whole", 'X="..", Y, Z, A, B, C in it', "send all six, in double quotes"
 
 
 def _numbers(attributes: bytes, names: bytes) -> list[float]:

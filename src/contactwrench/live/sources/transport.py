@@ -260,14 +260,17 @@ class StandardInput(Link):
             self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0), selectors.SelectSelector())
 
     def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `EndOfStreamError`."""
+        """What has come; nothing in silence, and after `close`. Raises `DeviceError` at the end."""
         with self._lock:
             if not self._ready(selectors.EVENT_READ, timeout):
                 return []
-            data = self._socket.read(MOST_BYTES)
-        if not data:
+            try:
+                data = self._socket.read(MOST_BYTES)
+            except OSError:  # of a line that was pulled out
+                data = b""
+        if data == b"":
             raise self._ended()
-        return [data]
+        return [data] if data else []
 
-    def _ended(self) -> EndOfStreamError:
+    def _ended(self) -> DeviceError:
         return EndOfStreamError(str(self.error("its end", "more lines", "keep the program that writes them running")))

@@ -27,14 +27,8 @@ STATES = ("safety_status", "robot_mode")
 WANTED = ("timestamp", "actual_TCP_pose", "tcp_offset", "actual_q", *STATES)
 NEEDED = ("timestamp", "actual_TCP_pose")
 RAW, COMPENSATED = "ft_raw_wrench", "actual_TCP_force"
-SAFETY = {
-    3: "protective stop",
-    5: "safeguard stop",
-    6: "emergency stop",
-    7: "emergency stop",
-    8: "violation",
-    9: "fault",
-}
+STOPS = {3: "protective stop", 5: "safeguard stop", 6: "emergency stop", 7: "emergency stop"}
+SAFETY = {**STOPS, 8: "violation", 9: "fault"}
 BROKEN = (8, 9)
 MODES = {-1: "no controller", 0: "disconnected", 1: "confirm safety", 2: "booting", 3: "power off", 4: "power on"}
 """Those in which the joints' angles are not told."""
@@ -178,7 +172,7 @@ class Ur(Reader[Tcp]):
             raise self._link.error("a refusal to start", "data", "end another program that uses RTDE's outputs")
         self._begin(decoder := UrDecoder(recipe, rate, wrench))
         decoder.feed(self._answers, now(), self._early)
-        seen = self._first(deadline, self._link.silent("data packages")).samples[0].wrench
+        seen = self._first(deadline, lambda: self._link.silent("data packages")).samples[0].wrench
         if wrench == RAW and seen is not None and max(map(abs, seen[:3])) > NO_SENSOR:
             wrench = ""
             decoder.without_wrench()
