@@ -172,9 +172,10 @@ class Rig:
         rate: float = 200.0,
         noise: float = 1.0,
         under_way: float = np.inf,
+        turned: float = 1.0,
     ) -> None:
         """Readings, and tf at most at 100 Hz, at an orientation, in real time. No more than `under_way`
-        readings are without an answer: a machine that stalls is not what is tested.
+        readings are without an answer: a machine that stalls is not what is tested. `turned`: -1 with the other sign.
         """
         pure, start, stood = free(R) + push * np.ones(6), time.time(), 0.0
         for k in range(int(seconds * rate)):
@@ -187,7 +188,7 @@ class Rig:
             if t - stood > 0.009:
                 self.stand(R, t)
                 stood = t
-            self.read(pure + noise * NOISE * self.rng.normal(size=6), t)
+            self.read(turned * pure + noise * NOISE * self.rng.normal(size=6), t)
 
     def ask(self, service: str, meanwhile: Callable[[], None] = lambda: None) -> Any:
         """The answer of a service, which comes while `meanwhile` runs or after."""

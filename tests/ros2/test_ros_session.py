@@ -10,50 +10,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.errors import InputError
 from contactwrench.geometry.arrays import Array
 from contactwrench_ros.monitoring import ERROR, OK, WARN
-from contactwrench_ros.parameters import PARAMETERS, defaults
+from contactwrench_ros.parameters import PARAMETERS, defaults, meant
 from contactwrench_ros.session import Session
+from tests.ros2.free_tool import MOUNTING, NOISE, WEIGHT, free, quat, second, settings
 
-WEIGHT, COM = 13.7, np.array([0.012, -0.031, 0.074])
-BIAS = np.array([3.0, -5.0, 20.0, 0.2, -0.1, 0.05])
-MOUNTING = Rotation.from_euler("zyx", [37.0, 1.5, -2.0], degrees=True)
 PUSH = np.array([1.5, -2.0, 4.0, 0.1, 0.2, -0.05])
-NOISE = np.array([0.02, 0.02, 0.02, 0.001, 0.001, 0.001])
-
-
-def free(R: Rotation) -> Array:
-    """design.md, section 1: what a free tool reads."""
-    pull = (R * MOUNTING).inv().apply([0.0, 0.0, -WEIGHT])
-    reading: Array = np.hstack([pull, np.cross(COM, pull)]) + BIAS
-    return reading
-
-
-def settings(**changes: Any) -> dict[str, Any]:
-    return {**defaults(), **changes}
-
-
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory: pytest.TempPathFactory) -> str:
-    rng, poses = np.random.default_rng(3), Rotation.random(16, random_state=3)
-    wrench = np.array([free(R) for R in poses]) + 1e-3 * NOISE * rng.normal(size=(16, 6))
-    samples = cw.Samples(wrench, poses.as_matrix(), read_as={"base_frame": "base_link"})
-    path = tmp_path_factory.mktemp("ros") / "tool.json"
-    cw.calibrate(samples, model="mount").save(path)
-    return str(path)
-
-
-def second(session: Session, R: Rotation, start: float, push: Array | float = 0.0, seed: int = 0) -> list[Array | None]:
-    """A second of readings at 500 Hz, poses at 100 Hz, at rest."""
-    found = []
-    wrench = free(R) + push * np.ones(6) + NOISE * np.random.default_rng(seed).normal(size=(500, 6))
-    x, y, z, w = R.as_quat().tolist()
-    for k in range(500):
-        t = start + k / 500.0
-        if k % 5 == 0:
-            session.orientations.hear(t, (x, y, z, w))
-        found.append(session.read(t, wrench[k]))
-    return found
 
 
 @pytest.mark.parametrize("frame", ["sensor", "flange", "base"])
@@ -176,7 +140,9 @@ def test_finishing_needs_poses_and_keeps_them_when_it_fails(tmp_path: Path) -> N
         capture(session, Rotation.random(random_state=seed), 10.0 + 10.0 * seed)
     assert "no such folder" in session.finish().message
     session.set({"save_to": ""})
+    assert session.status(1.0).values["calibration"] == "none"
     assert session.finish().message.endswith("not saved, as the parameter save_to is empty")
+    assert session.status(1.0).values["calibration"] == "of ~/finish_calibration, not saved"
 
 
 def test_a_zero_takes_away_what_moved(saved: str) -> None:
@@ -189,6 +155,40 @@ def test_a_zero_takes_away_what_moved(saved: str) -> None:
     found = [wrench for wrench in second(session, R, 1.0, push=0.3, seed=1) if wrench is not None]
     assert np.abs(np.mean(found, axis=0)).max() < 0.01
     assert "found no calibration" in Session(settings()).zero().message
+
+
+def at_rest(session: Session, start: float, seconds: float, more: Array | float) -> None:
+    """Readings at 100 Hz, with a pose each, of a tool on which `more` acts, or whose bias has moved by that."""
+    R, rng = Rotation.random(random_state=4), np.random.default_rng(round(start))
+    for k in range(round(100.0 * seconds)):
+        session.orientations.hear(start + 0.01 * k, quat(R))
+        session.read(start + 0.01 * k, free(R) + more + NOISE * rng.normal(size=6))
+
+
+def test_a_bias_that_moved_is_said_and_can_be_zeroed(saved: str) -> None:
+    """As a tare while it runs leaves it: a contact at first, which a new zero would hide."""
+    session, tared = Session(settings(calibration=saved, noise=0.02)), np.array([3.0, -5.0, 12.0, 0.0, 0.0, 0.0])
+    at_rest(session, 0.0, 2.0, 0.0)
+    assert session.status(1.0).level == OK
+    session.gather()
+    at_rest(session, 2.0, 9.0, tared)
+    assert session.zero().message == (
+        "no new zero: found a contact, expected a free tool: let go of it; if nothing touches it, ask again once that "
+        "has stayed the same for 10 s"
+    )
+    status = session.status(1.0)
+    assert (status.level, status.values["contact"]) == (OK, "True")
+    at_rest(session, 11.0, 2.0, tared)
+    status = session.status(1.0)
+    assert status.level == WARN
+    assert status.message == "contact or bias: nothing has changed for 11 s; ~/zero where nothing touches"
+    session.gather()
+    at_rest(session, 13.0, 1.0, tared)
+    assert session.zero().success
+    session.status(1.0)
+    at_rest(session, 14.0, 1.0, tared)
+    status = session.status(1.0)
+    assert (status.level, status.values["contact"]) == (OK, "False")
 
 
 def test_what_cannot_be_meant_is_refused_in_one_line(saved: str, tmp_path: Path) -> None:
@@ -210,8 +210,41 @@ def test_what_cannot_be_meant_is_refused_in_one_line(saved: str, tmp_path: Path)
 
 
 def test_another_base_frame_is_refused_or_turned(saved: str) -> None:
-    with pytest.raises(cw.ContactWrenchError, match="expected the calibration's base, base_link"):
+    with pytest.raises(cw.ContactWrenchError, match="base_frame is table, expected base_link as for"):
         Session(settings(calibration=saved, base_frame="table"))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("lowpass", "20", "lowpass is '20', expected a number: write it as 0.0, without quotes"),
+        ("noise", True, "noise is True, expected a number: write it as 0.0, without quotes"),
+        ("drift", None, "drift is None, expected a number: write it as 0.0, without quotes"),
+        ("lowpass", -1.0, "lowpass is -1, expected 0 to 10000"),
+        ("stale_after", 0.0, "stale_after is 0, expected 0.001 to 10"),
+        ("stale_after", float("nan"), "stale_after is nan, expected 0.001 to 10"),
+        ("wrench_topic", "", "wrench_topic is empty, expected a text such as /wrench"),
+        ("base_frame", "", "base_frame is empty, expected a text such as base_link"),
+        ("urdf", 5, "urdf is 5, expected a text: write it in quotes"),
+    ],
+)
+def test_a_parameter_of_a_wrong_type_or_range_is_refused(name: str, value: Any, said: str, saved: str) -> None:
+    with pytest.raises(InputError) as refused:
+        Session(settings(**{name: value}))
+    assert str(refused.value) == said
+    session = Session(settings(calibration=saved))
+    with pytest.raises(InputError) as refused:
+        session.set({name: value})
+    assert str(refused.value) == said
+    assert session.settings == settings(calibration=saved)
+
+
+def test_a_whole_number_is_taken_for_a_number(saved: str) -> None:
+    session = Session(settings(calibration=saved, lowpass=20))
+    assert repr(session.settings["lowpass"]) == "20.0"
+    session.set({"stale_after": 1})
+    assert repr(session.settings["stale_after"]) == "1.0"
+    assert meant("calibration", "") == ""
 
 
 def test_the_page_has_every_parameter() -> None:

@@ -72,10 +72,14 @@ def test_what_is_no_orientation_is_passed_over(bad: Quat) -> None:
 def test_late_ones_are_passed_over_and_a_clock_that_begins_anew_is_followed() -> None:
     track, q = Track(), quat(Rotation.identity())
     assert track.hear(100.0, q)
-    assert not track.hear(99.0, q)
+    assert not track.hear(99.91, q)
     assert not track.hear(100.0, q)
-    assert track.hear(1.0, q)
-    assert track.times == [1.0]
+    assert track.back_by(99.91) == 0.0
+    assert track.back_by(99.75) == 0.25
+    assert track.hear(99.75, q)
+    assert track.times == [99.75]
+    track.forget()
+    assert str(track.at(99.75, 0.1)) == "orientation: none was heard since stamps went back"
 
 
 def test_it_does_not_grow() -> None:
@@ -204,9 +208,31 @@ def test_a_static_one_that_is_no_orientation_is_named() -> None:
 
 def test_a_clock_that_begins_anew_is_followed_by_the_chain() -> None:
     chain, q = Chain("base_link", "tool0"), quat(Rotation.identity())
-    for t in (100.0, 100.01, 1.0, 1.01):
-        found = chain.hear([Transform("base_link", "tool0", t, q, (0.1, 0.0, 0.0))], False, 0.1)
-        assert found == (t, q, (0.1, 0.0, 0.0))
+    for t, back in ((100.0, 0.0), (100.01, 0.0), (1.0, 99.01), (1.01, 0.0)):
+        transforms = [Transform("base_link", "tool0", t, q, (0.1, 0.0, 0.0))]
+        assert chain.back_by(transforms) == pytest.approx(back)
+        if back:
+            chain.forget()
+        assert chain.hear(transforms, False, 0.1) == (t, q, (0.1, 0.0, 0.0))
+
+
+def test_a_transform_beside_the_chain_sets_no_clock_back() -> None:
+    chain, q = Chain("base_link", "tool0"), quat(Rotation.identity())
+    for name in ("tool0", "camera"):
+        chain.hear([Transform("base_link", name, 100.0, q, (0.1, 0.0, 0.0))], False, 0.1)
+    assert chain.back_by([Transform("base_link", "camera", 1.0, q, (0.1, 0.0, 0.0))]) == 0.0
+    assert chain.back_by([Transform("base_link", "tool0", 1.0, q, (0.1, 0.0, 0.0))]) == 99.0
+
+
+def test_where_all_transforms_are_as_old_none_is_behind() -> None:
+    chain = Chain("base_link", "tool0")
+    for part in STATIC_ONES:
+        heard(chain, 0.0, part, static=True)
+    heard(chain, 1.0, slice(1, 2))
+    heard(chain, 1.05, slice(2, 3))
+    assert chain.trouble() == ""
+    heard(chain, 1.15, slice(2, 3))
+    assert chain.trouble() == "tf base_link -> one is the one that is behind"
 
 
 def test_a_link_that_stops_stops_the_chain_and_is_named() -> None:

@@ -14,6 +14,7 @@ from contactwrench.geometry.arrays import Array
 from contactwrench.geometry.orientation import from_quat_xyzw
 from contactwrench.geometry.quaternions import Quat
 from contactwrench.geometry.rotations import rotation_angle
+from contactwrench.samples.samples import ReadAs
 from contactwrench.samples.still_segments import still_segments
 
 SECONDS = 1.0
@@ -31,13 +32,13 @@ class Reading:
     quat_xyzw: Quat
 
 
-def samples_of(readings: Sequence[Reading], source: str, base_frame: str) -> cw.Samples:
-    """The readings as samples. Raises `InputError` where they are too few."""
+def samples_of(readings: Sequence[Reading], source: str, read_as: ReadAs) -> cw.Samples:
+    """The readings as samples, with how they were `read_as`. Raises `InputError` where they are too few."""
     found = f"{source}: found {len(readings)} readings with an orientation in {SECONDS:g} s"
     refuse((len(readings) < FEWEST, f"{found}, expected at least {FEWEST}: see /diagnostics"))
     R = from_quat_xyzw(np.array([reading.quat_xyzw for reading in readings]))
     wrench, t = np.array([reading.wrench for reading in readings]), np.array([reading.t for reading in readings])
-    return cw.Samples(wrench, R, t, source=source, read_as={"base_frame": base_frame})
+    return cw.Samples(wrench, R, t, source=source, read_as=read_as)
 
 
 def require_still(samples: cw.Samples, before: Sequence[cw.Samples]) -> None:

@@ -14,7 +14,7 @@ from contactwrench.compensate.faults import Reason
 from contactwrench.geometry.quaternions import Quat, inverse, product, rotated, unit
 from contactwrench.live.source import Three
 
-from .track import BEGUN_ANEW, ORIGIN, Pose, Track, filled_in
+from .track import DISORDER, ORIGIN, Pose, Track, filled_in
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,21 @@ class Chain:
         self.path: list[tuple[Link, bool]] = []
         self.until = self.placed = -inf
 
+    def back_by(self, transforms: Iterable[Transform]) -> float:
+        """By how much, s, the clock was set back by which those transforms are stamped that the chain is of; 0: it was
+        not.
+        """
+        stamped = {each.child.removeprefix("/"): each.t for each in transforms}
+        heard = ((link, stamped[child]) for child, link in self.links.items() if child in stamped)
+        moving = {id(link) for link in self._moving()}
+        return max((link.track.back_by(t) for link, t in heard if id(link) in moving), default=0.0)
+
+    def forget(self) -> None:
+        """Stamps went back: the moving transforms are forgotten, all of them, as one clock stamps them."""
+        for link in self.links.values():
+            link.track.forget()
+        self.until = self.placed = -inf
+
     def hear(self, transforms: Iterable[Transform], static: bool, stale_after: float) -> Pose | None:
         """Take transforms in; the newest pose of the flange in the base that all of them give, if it is a new one. It
         has a place where every moving transform was heard anew since the last that had one: between two stamps a
@@ -85,7 +100,9 @@ class Chain:
         moving = self._moving()
         if not moving:
             return f"found static transforms only from {self.base} to {self.flange}, expected some that the arm moves"
-        oldest = min(moving, key=lambda link: link.track.times[-1] if link.track.times else -inf)
+        oldest = min(moving, key=lambda link: link.track.newest(inf))
+        if max(link.track.newest(inf) for link in moving) <= oldest.track.newest(inf) + DISORDER:
+            return ""  # all are as old, and none of them is to blame
         child = next(name for name, link in self.links.items() if link is oldest)
         return f"tf {oldest.parent} -> {child} is the one that is behind"
 
@@ -113,8 +130,6 @@ class Chain:
         if not moving or not all(link.track.times for link in moving):
             return None
         newest = min(link.track.times[-1] for link in moving)
-        if newest <= self.until - BEGUN_ANEW:
-            self.until = self.placed = -inf
         if newest <= self.until:
             return None
         R: Quat = (0.0, 0.0, 0.0, 1.0)

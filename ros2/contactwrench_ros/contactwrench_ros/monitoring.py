@@ -30,6 +30,9 @@ class Tally:
     of_period: Counter[str] = field(default_factory=Counter)
     faults: Counter[str] = field(default_factory=Counter)
     last: Reason | None = None
+    doubt: str = ""
+    backs: int = 0
+    back: dict[str, float] = field(default_factory=dict)
 
     def reading(self) -> None:
         """One came in."""
@@ -47,6 +50,11 @@ class Tally:
         self.of_period["faults"] += 1
         self.last = reason
 
+    def went_back(self, what: str, by: float) -> None:
+        """The clock of what is stamped, in words, was set back by so many s."""
+        self.back[what] = by
+        self.backs += 1
+
     def status(self, seconds: float, note: str, trouble: str, more: dict[str, str]) -> Status:
         """The period that ends now, of so many seconds; the next begins.
 
@@ -58,6 +66,9 @@ class Tally:
             more: further figures.
         """
         now, self.of_period = self.of_period, Counter()
+        back, self.back = ", ".join(f"of {what} by {by:.3g} s" for what, by in self.back.items()), {}
+        doubt, self.doubt = self.doubt, ""
+        said = [f"stamps went back, {back}: poses of before are forgotten"] if back else []
         rate = now["readings"] / seconds
         values = {
             "rate in (Hz)": f"{rate:.1f}",
@@ -65,6 +76,7 @@ class Tally:
             "readings": str(self.readings),
             "published": str(self.published),
             "lost by the middleware": str(self.lost),
+            "stamps went back": str(self.backs),
             **{f"not published, {kind}": str(count) for kind, count in sorted(self.faults.items())},
             **more,
         }
@@ -73,7 +85,8 @@ class Tally:
             return Status(ERROR, f"no reading in {seconds:.1f} s", values)
         if now["faults"]:
             level = WARN if now["published"] else ERROR
-            return Status(level, f"{now['faults']} of {now['readings']} readings not compensated: {why}", values)
-        if note:
-            return Status(WARN, note, values)
+            lost = f"{now['faults']} of {now['readings']} readings not compensated: {why}"
+            return Status(level, "; ".join([lost, *said]), values)
+        if said := [*said, *filter(None, (doubt, note))]:
+            return Status(WARN, "; ".join(said), values)
         return Status(OK, f"contact wrenches at {now['published'] / seconds:.0f} Hz", values)

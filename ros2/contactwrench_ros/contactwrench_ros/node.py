@@ -14,23 +14,25 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
+from rclpy.validate_topic_name import validate_topic_name
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from contactwrench.assess.robot_arms import flange_pose
-from contactwrench.errors import ContactWrenchError, visible
+from contactwrench.errors import ContactWrenchError, InputError, visible
 from contactwrench.recording.bags.messages import joint_places
 from contactwrench.recording.urdf import arm_of
 
 from .capturing import SECONDS
 from .chain import Transform
-from .parameters import PARAMETERS, Parameter
+from .parameters import PARAMETERS, TOPICS, Parameter, meant
 from .session import Answer, Session
 from .track import Pose, filled_in
 
@@ -46,11 +48,13 @@ def seconds(stamp: Any) -> float:
 
 
 def descriptor(parameter: Parameter) -> ParameterDescriptor:
-    """As ROS has it."""
+    """As ROS has it; of any type, as ROS refuses 20 where 20.0 is meant."""
     within = parameter.within
-    ranges = [] if within is None else [FloatingPointRange(from_value=within[0], to_value=within[1])]
     return ParameterDescriptor(
-        description=parameter.description, read_only=not parameter.live, floating_point_range=ranges
+        description=parameter.description,
+        read_only=not parameter.live,
+        dynamic_typing=True,
+        floating_point_range=[] if within is None else [FloatingPointRange(from_value=within[0], to_value=within[1])],
     )
 
 
@@ -59,9 +63,11 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
 
     def __init__(self, **options: Any) -> None:
         super().__init__("contactwrench", **options)
+        of_any_type = ParameterDescriptor(dynamic_typing=True)
+        stated = {name: self.declare_parameter(name, p.default, of_any_type).value for name, p in PARAMETERS.items()}
+        self.session = Session(stated | {name: self.topic(name, stated[name]) for name in TOPICS})
         for name, parameter in PARAMETERS.items():
-            self.declare_parameter(name, parameter.default, descriptor(parameter))
-        self.session = Session({name: self.get_parameter(name).value for name in PARAMETERS})
+            self.set_descriptor(name, descriptor(parameter))
         if self.session.note:
             self.get_logger().warning(self.session.note)
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -71,7 +77,7 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
         self.diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(
             WrenchStamped,
-            self.settings["wrench_topic"],
+            stated["wrench_topic"],
             self.on_wrench,
             SENSOR,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self.on_lost),
@@ -93,6 +99,15 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
     def settings(self) -> dict[str, Any]:
         """The parameters by their names."""
         return self.session.settings
+
+    def topic(self, name: str, stated: Any) -> str:
+        """The full name of the topic that a parameter states. Raises `InputError` for what is none."""
+        topic = str(meant(name, stated))
+        try:
+            validate_topic_name(topic)
+        except InvalidTopicNameException:
+            raise InputError(f"{name} is {topic!r}, expected a topic such as {PARAMETERS[name].default}") from None
+        return str(self.resolve_topic_name(topic))
 
     def listen_to_tf(self) -> None:
         """Poses from /tf and /tf_static."""
@@ -121,7 +136,7 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
                 said = f"poses are in {frame}, expected base_frame {self.settings['base_frame']}: passed over"
                 self.get_logger().error(said, throttle_duration_sec=10.0)
 
-        self.create_subscription(PoseStamped, self.settings["pose_topic"], heard, SENSOR)
+        self.create_subscription(PoseStamped, self.get_parameter("pose_topic").value, heard, SENSOR)
 
     def listen_to_joints(self) -> None:
         """Poses from joint angles. Raises `ContactWrenchError` for an arm that is not known."""
@@ -136,7 +151,7 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
             a, b, c = position[0].tolist()
             self.session.pose(Pose(seconds(message.header.stamp), (x, y, z, w), filled_in((a, b, c))))
 
-        self.create_subscription(JointState, self.settings["joint_topic"], heard, SENSOR)
+        self.create_subscription(JointState, self.get_parameter("joint_topic").value, heard, SENSOR)
 
     def on_wrench(self, message: WrenchStamped) -> None:
         """A reading; a valid contact wrench goes out with its stamp."""
@@ -158,7 +173,7 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
 
     def on_second(self) -> None:
         """Diagnostics."""
-        now = self.steady.now()
+        now, doubt = self.steady.now(), self.session.tally.doubt
         status = self.session.status(1e-9 * (now - self.since).nanoseconds)
         self.since = now
         values = [KeyValue(key=key, value=value) for key, value in status.values.items()]
@@ -167,6 +182,8 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
         array = DiagnosticArray(status=[said])
         array.header.stamp = self.get_clock().now().to_msg()
         self.diagnostics.publish(array)
+        if doubt:
+            self.get_logger().warning(doubt, throttle_duration_sec=60.0)
         if lacking := self.session.lacking:
             self.get_logger().warning(lacking, once=True)
 
@@ -184,7 +201,10 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
         def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             answer = wish()
             response.success, response.message = answer.success, visible(answer.message)
-            self.get_logger().info(response.message)
+            if answer.success:
+                self.get_logger().info(response.message)
+            else:
+                self.get_logger().warning(response.message)
             return response
 
         return serve

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from contactwrench.errors import InputError, refuse
+
 POSE_SOURCES = ("tf", "pose", "joints")
 
 
@@ -26,7 +28,10 @@ PARAMETERS = {
     "calibration": Parameter("", "file of a calibration; empty: none yet, only calibrating is possible"),
     "save_to": Parameter("", "file that ~/finish_calibration writes; empty: the calibration is not kept", live=True),
     "wrench_topic": Parameter("/wrench", "WrenchStamped with the raw reading, in sensor axes"),
-    "sign": Parameter("pull", "of the readings: pull, a free tool reads its weight downwards; or reaction, the other"),
+    "sign": Parameter(
+        "",
+        "of the readings: pull, a free tool reads its weight downwards, or reaction; empty: as calibrated, else pull",
+    ),
     "pose_source": Parameter("tf", "where the pose of the flange is from: tf, pose or joints"),
     "pose_topic": Parameter("/pose", "PoseStamped of the flange in the base, for pose_source pose"),
     "joint_topic": Parameter("/joint_states", "JointState, for pose_source joints"),
@@ -50,8 +55,30 @@ PARAMETERS = {
         0.1, "s without a new orientation, after which no wrench is published", live=True, within=(0.001, 10.0)
     ),
 }
+TOPICS = ("wrench_topic", "pose_topic", "joint_topic")
 
 
 def defaults() -> dict[str, Any]:
     """Every parameter's default by its name."""
     return {name: parameter.default for name, parameter in PARAMETERS.items()}
+
+
+def meant(name: str, value: Any) -> str | float:
+    """A parameter's value as it is meant: a whole number is a number too.
+
+    Raises:
+        InputError: another type, a number out of its range, an empty text where there is no telling without one.
+    """
+    parameter = PARAMETERS[name]
+    if isinstance(parameter.default, str):
+        refuse(
+            (not isinstance(value, str), f"{name} is {value!r}, expected a text: write it in quotes"),
+            (parameter.default and not value, f"{name} is empty, expected a text such as {parameter.default}"),
+        )
+        return str(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{name} is {value!r}, expected a number: write it as {parameter.default}, without quotes")
+    if parameter.within is not None:
+        least, most = parameter.within
+        refuse((not least <= value <= most, f"{name} is {value:g}, expected {least:g} to {most:g}"))
+    return float(value)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
 
 import contactwrench as cw
+from contactwrench.compensate.bias_tracking import SAME_SECONDS
 from contactwrench.compensate.contact_wrenches import OUTPUT_FRAMES, require_frame
 from contactwrench.compensate.faults import Reason
 from contactwrench.errors import ContactWrenchError, InputError, refuse
@@ -16,14 +18,20 @@ from contactwrench.geometry.arrays import Array
 from contactwrench.geometry.orientation import from_quat_xyzw
 from contactwrench.geometry.quaternions import Quat
 from contactwrench.model import AXES
-from contactwrench.recording.base_frames import in_base_of_recording
 
 from .capturing import Reading, calibrated, captured, described, require_still, samples_of
 from .chain import Chain, Transform
 from .monitoring import Status, Tally
 from .motion import Motion
-from .parameters import POSE_SOURCES
-from .track import Pose, Track
+from .parameters import POSE_SOURCES, meant
+from .provenance import in_base, options_of, read_as
+from .track import NO_STAMP, Pose, Track, back_by
+
+IN_CONTACT = (
+    f"no new zero: found a contact, expected a free tool: let go of it; if nothing touches it, ask again once that has "
+    f"stayed the same for {SAME_SECONDS:g} s"
+)
+CLOCKS = ", though poses come: let the computers that stamp poses and readings agree on the time, by chrony or PTP"
 
 
 @dataclass(frozen=True)
@@ -42,15 +50,10 @@ class Session:
     """
 
     def __init__(self, settings: dict[str, Any]) -> None:
-        self.settings = settings
-        refuse(
-            (
-                settings["pose_source"] not in POSE_SOURCES,
-                f"pose_source is {settings['pose_source']!r}, expected {', '.join(POSE_SOURCES)}",
-            ),
-            (settings["sign"] not in ("pull", "reaction"), f"sign is {settings['sign']!r}, expected pull or reaction"),
-        )
-        self.sign = -1.0 if settings["sign"] == "reaction" else 1.0
+        self.settings = settings = {name: meant(name, value) for name, value in settings.items()}
+        source, known = settings["pose_source"], ", ".join(POSE_SOURCES)
+        refuse((source not in POSE_SOURCES, f"pose_source is {source!r}, expected {known}"))
+        self.last_reading = self.last_pose = -inf
         self.orientations, self.tally = Track(), Tally()
         self.chain = Chain(settings["base_frame"], settings["flange_frame"])
         self.gathered: list[Reading] | None = None
@@ -60,15 +63,16 @@ class Session:
         self.motion: Motion | None = None
         self.contact: bool | None = None
         self.note: str | None = None
-        if settings["calibration"]:
-            loaded = cw.Calibration.load(settings["calibration"])
-            base, source = settings["base_frame"], f"parameter base_frame {settings['base_frame']}"
-            self.calibration, self.note = in_base_of_recording(loaded, base, source)
+        self.file = settings["calibration"]
+        loaded = cw.Calibration.load(self.file) if self.file else None
+        self.options = options_of(settings, loaded)
+        if loaded is not None:
+            self.calibration, self.note = in_base(loaded, settings["base_frame"])
         self.set({})
 
     def set(self, changes: dict[str, Any]) -> None:
         """Take other settings. Raises `ContactWrenchError`, and changes nothing, where they cannot be meant."""
-        settings = {**self.settings, **changes}
+        settings = {**self.settings, **{name: meant(name, value) for name, value in changes.items()}}
         if self.calibration is None:
             frame = settings["output_frame"]
             refuse((frame not in OUTPUT_FRAMES, f"output frame is {frame!r}, expected {', '.join(OUTPUT_FRAMES)}"))
@@ -89,11 +93,16 @@ class Session:
 
     def transforms(self, transforms: Sequence[Transform], static: bool) -> None:
         """Take what tf says."""
+        if not static and (by := self.chain.back_by(transforms)):
+            self._begin_anew("tf", by)
         if (found := self.chain.hear(transforms, static, self.settings["stale_after"])) is not None:
             self.pose(found)
 
     def pose(self, pose: Pose) -> None:
         """Take a pose of the flange in the base; one that is no newer than the last is passed over."""
+        if by := self.orientations.back_by(pose.t):
+            self._begin_anew("poses", by)
+        self.last_pose = self.last_reading
         if self.orientations.hear(pose.t, pose.quat_xyzw) and self.motion is not None:
             self.motion.hear(pose)
 
@@ -102,11 +111,11 @@ class Session:
         one, and the tally knows why.
         """
         self.tally.reading()
-        quat = self.orientations.at(t, self.settings["stale_after"])
+        quat = self._orientation(t)
         if isinstance(quat, Reason):
             self.tally.fault(quat)
             return None
-        reading = self.sign * np.array(wrench)
+        reading = self.options.pull(np.array(wrench))
         if self.gathered is not None:
             self.gathered.append(Reading(t, reading, quat))
         if self.compensator is None:
@@ -122,9 +131,34 @@ class Session:
         if not now.valid and now.reason is not None:
             self.tally.fault(now.reason)
             return None
+        if now.reason is not None and now.reason.kind == "contact or bias":
+            self.tally.doubt = now.reason.replace("zero()", "~/zero")
         self.contact = now.contact
         self.tally.publish()
         return self._in_output_axes(now.wrench, quat)
+
+    def _orientation(self, t: float) -> Quat | Reason:
+        """At a reading of `t` s, or why it is not known."""
+        stale_after = self.settings["stale_after"]
+        if t == 0.0 and self.orientations.apart(t) > stale_after:
+            return Reason(f"reading: {NO_STAMP}", "no stamp")
+        if by := back_by(self.last_reading, t):
+            self._begin_anew("readings", by)
+        self.last_reading = t
+        found = self.orientations.at(t, stale_after)
+        if isinstance(found, Reason) and t - self.last_pose <= stale_after < self.orientations.apart(t):
+            return Reason(f"{found}{CLOCKS}", found.kind)
+        return found
+
+    def _begin_anew(self, what: str, by: float) -> None:
+        """Stamps went back by so many s. Readings to come are of times that come again, and would be paired with poses
+        that the arm had then; which of the topics comes first is chance, so each forgets all of them.
+        """
+        self.orientations.forget()
+        self.chain.forget()
+        self.last_reading = self.last_pose = -inf
+        self.gathered = None if self.gathered is None else []
+        self.tally.went_back(what, by)
 
     def gather(self) -> Answer | None:
         """Begin to keep readings for `zero` or `capture`; an answer where that cannot be."""
@@ -139,9 +173,9 @@ class Session:
         if self.compensator is None:
             return Answer(False, "found no calibration, expected one to zero against: ~/start_calibration")
         try:
-            zero = self.compensator.zero(samples_of(readings, "zero", self.settings["base_frame"]))
+            zero = self.compensator.zero(samples_of(readings, "zero", read_as(self.settings, self.options)))
         except ContactWrenchError as error:
-            return Answer(False, str(error))
+            return Answer(False, IN_CONTACT if "reset() first" in str(error) else str(error))
         force, torque = np.round(zero.shift[:3], 3).tolist(), np.round(1e3 * zero.shift[3:], 2).tolist()
         return Answer(True, f"zeroed: the bias had moved by {force} N and {torque} mN m")
 
@@ -156,7 +190,7 @@ class Session:
         if self.captures is None:
             return Answer(False, "found no calibration begun, expected ~/start_calibration first")
         try:
-            samples = samples_of(readings, f"pose {len(self.captures) + 1}", self.settings["base_frame"])
+            samples = samples_of(readings, f"pose {len(self.captures) + 1}", read_as(self.settings, self.options))
             require_still(samples, self.captures)
         except ContactWrenchError as error:
             return Answer(False, str(error))
@@ -176,13 +210,13 @@ class Session:
         except ContactWrenchError as error:
             return Answer(False, str(error))
         self._compensate(calibration, compensator)
-        self.captures = None
+        self.captures, self.file = None, path or "of ~/finish_calibration, not saved"
         saved = f"saved to {path}" if path else "not saved, as the parameter save_to is empty"
         return Answer(True, f"{described(calibration)}; {saved}")
 
     def status(self, seconds: float) -> Status:
         """For /diagnostics, of the last so many seconds."""
-        more = {"contact": str(self.contact), "calibration": str(self.settings["calibration"] or "none")}
+        more = {"contact": str(self.contact), "calibration": self.file or "none"}
         if self.calibration is not None:
             more["inertia subtracted"] = self.motion.subtracted if self.motion else "no, the calibration knows none"
         if self.captures is not None:
