@@ -253,6 +253,36 @@ def test_of_a_set_with_a_damaged_episode_the_others_are_compensated_where_that_i
     assert np.isnan(got[~whole_ones, :6].astype(float)).all()
 
 
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_a_lost_episode_of_two_streams_has_a_row_for_each_reading(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str
+) -> None:
+    """Readings and orientations in rows of their own; a Parquet set keeps all of its rows."""
+    path, tool, out = tmp_path / "set.parquet", tmp_path / "tool.json", tmp_path / f"out{suffix}"
+    cw.calibrate(cw.read(PANDA)).save(tool)
+    turns = Rotation.from_rotvec(np.outer(0.02 * np.arange(60), [0.6, 0.0, 0.8])).as_quat()
+    times = np.concatenate([0.01 * np.arange(n) for n in (20, 25, 15)])
+    table = np.column_stack([Motion.wrench, turns, times, EPISODES])
+    is_pose = np.arange(60) % 3 == 0
+    table[is_pose, :6], table[~is_pose, 6:10] = np.nan, np.nan
+    table[30, 6:10] *= 1.3
+    names = (*WRENCH, "qx", "qy", "qz", "qw", "t", "episode_index")
+    columns = {name: pa.array(column, from_pandas=True) for name, column in zip(names, table.T, strict=True)}
+    pq.write_table(pa.table(columns), path, row_group_size=16)
+    done = run(capsys, "compensate", path, "-c", tool, "--all-episodes", "--accept-damaged", "-o", out)
+    assert done.status == 0
+    assert "columns qx,qy,qz,qw: found a quaternion of length 1.3" in done.err
+    lost = (EPISODES == 1) & ~is_pose
+    if suffix == ".csv":
+        lines = out.read_text(encoding="utf-8").splitlines()[1:]
+        assert [line.partition(",")[0] for line in lines] == [str(e) for e in EPISODES[~is_pose]]
+        return
+    valid = np.array(pq.read_table(out)["contact_valid"].to_pylist(), object)
+    assert len(valid) == 60
+    assert {*valid[lost]} == {False}
+    assert {*valid[is_pose]} == {None}
+
+
 def _contact_wrenches(path: Path) -> Any:
     """Wrench, whether it is valid, and why not, (n, 8)."""
     if path.suffix == ".csv":
@@ -309,9 +339,7 @@ def test_of_many_different_notes_some_are_said(tmp_path: Path) -> None:
     rest = np.column_stack([np.tile([0.0, 0.0, 0.0, 1.0], (200, 1)), np.tile(0.1 * np.arange(8.0), 25), numbers])
     path, said = written(tmp_path, csv_text(names, np.column_stack([wrench, rest]))), list[str]()
     calibration = cw.calibrate(cw.read(PANDA))
-    rows_of_all = compensated_set(
-        path, Options(), calibration, Treatment(), dict.fromkeys(range(25), 8), note=said.append
-    )
+    rows_of_all = compensated_set(path, Options(), calibration, Treatment(), range(25), note=said.append)
     assert sum(len(batch) for batch in rows_of_all) == 200
     assert len(said) == len(set(said)) <= 21
     assert "found no whole reading (nothing, or NaN) in 3 rows: not used (episode 2 and 3 others)" in said

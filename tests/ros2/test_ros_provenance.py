@@ -44,12 +44,16 @@ def test_the_sign_is_the_calibrations(own: str, stated: str, sign: str, tmp_path
 
 
 @pytest.mark.parametrize(("own", "stated"), [("pull", "reaction"), ("reaction", "pull")])
-def test_another_sign_is_refused(own: str, stated: str, tmp_path: Path) -> None:
+def test_another_sign_is_taken_and_said(own: str, stated: str, tmp_path: Path) -> None:
+    """The calibration may be of a file in which another program had turned the readings."""
     path = save_calibration(tmp_path / "tool.json", sign=own)
-    with pytest.raises(InputError) as refused:
-        Session(settings(calibration=path, sign=stated))
-    said = f"sign is {stated}, expected {own} as for the calibration: leave sign empty, or calibrate anew"
-    assert str(refused.value) == said
+    session = Session(settings(calibration=path, sign=stated))
+    assert session.note == f"sign is {stated}, and was {own} for the calibration"
+    assert Session(settings(calibration=path, sign="")).note is None
+    R = Rotation.random(random_state=2)
+    session.orientations.hear(1.0, quat(R))
+    found = session.read(1.0, free(R) * (-1.0 if stated == "reaction" else 1.0))
+    assert found == pytest.approx(np.zeros(6), abs=1e-3)
 
 
 def test_another_flange_is_refused(tmp_path: Path) -> None:

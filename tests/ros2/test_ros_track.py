@@ -74,12 +74,13 @@ def test_late_ones_are_passed_over_and_a_clock_that_begins_anew_is_followed() ->
     assert track.hear(100.0, q)
     assert not track.hear(99.91, q)
     assert not track.hear(100.0, q)
-    assert track.back_by(99.91) == 0.0
-    assert track.back_by(99.75) == 0.25
-    assert track.hear(99.75, q)
-    assert track.times == [99.75]
+    assert track.back_by(99.75) == track.back_by(99.91, 0.1) == 0.0
+    assert track.back_by(99.75, 0.1) == 0.25
+    assert not track.hear(90.25, q)
+    assert track.hear(89.75, q)
+    assert track.times == [89.75]
     track.forget()
-    assert str(track.at(99.75, 0.1)) == "orientation: none was heard since stamps went back"
+    assert str(track.at(89.75, 0.1)) == "orientation: none was heard since stamps went back"
 
 
 def test_it_does_not_grow() -> None:
@@ -210,7 +211,7 @@ def test_a_clock_that_begins_anew_is_followed_by_the_chain() -> None:
     chain, q = Chain("base_link", "tool0"), quat(Rotation.identity())
     for t, back in ((100.0, 0.0), (100.01, 0.0), (1.0, 99.01), (1.01, 0.0)):
         transforms = [Transform("base_link", "tool0", t, q, (0.1, 0.0, 0.0))]
-        assert chain.back_by(transforms) == pytest.approx(back)
+        assert chain.back_by(transforms, 10.0) == pytest.approx(back)
         if back:
             chain.forget()
         assert chain.hear(transforms, False, 0.1) == (t, q, (0.1, 0.0, 0.0))
@@ -220,8 +221,8 @@ def test_a_transform_beside_the_chain_sets_no_clock_back() -> None:
     chain, q = Chain("base_link", "tool0"), quat(Rotation.identity())
     for name in ("tool0", "camera"):
         chain.hear([Transform("base_link", name, 100.0, q, (0.1, 0.0, 0.0))], False, 0.1)
-    assert chain.back_by([Transform("base_link", "camera", 1.0, q, (0.1, 0.0, 0.0))]) == 0.0
-    assert chain.back_by([Transform("base_link", "tool0", 1.0, q, (0.1, 0.0, 0.0))]) == 99.0
+    assert chain.back_by([Transform("base_link", "camera", 1.0, q, (0.1, 0.0, 0.0))], 10.0) == 0.0
+    assert chain.back_by([Transform("base_link", "tool0", 1.0, q, (0.1, 0.0, 0.0))], 10.0) == 99.0
 
 
 def test_where_all_transforms_are_as_old_none_is_behind() -> None:

@@ -397,8 +397,9 @@ def test_where_positions_are_missing_whole_arm_motions_tell_little() -> None:
 
 @pytest.mark.slow
 def test_noise_that_is_correlated_widens_it_further_where_positions_are_missing() -> None:
-    for over, factor in ((0.0, 1.0), (0.5, 3.0)):
-        streams = gravity_alone(3, noise=5.0, correlated_over=over)
+    """Or where less than 25 s are recorded."""
+    for over, duration, factor in ((0.0, 30.0, 1.0), (0.5, 30.0, 3.0), (0.0, 20.0, 3.0)):
+        streams = gravity_alone(3, noise=5.0, correlated_over=over, duration=duration)
         pose = streams.orientation
         missing = Streams(streams.wrench, OrientationStream(pose.t, pose.R_base_flange))
         known, unknown = (estimate_delay(one, within=NEAR).std for one in (streams, missing))

@@ -245,6 +245,24 @@ def test_what_poses_do_not_tell_of_a_move_is_known_by_its_size(rate: float, jump
     assert np.abs(z).max() < 5.0
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+@pytest.mark.parametrize("lasts", [0.4, 0.5, 0.8, 1.0, 1.4])
+def test_moves_there_and_back_that_are_alike_do_not_end_the_bandwidth(lasts: float, noise: float) -> None:
+    """A shuttle without a stop has odd harmonics only, and nothing between them; places of 0.01 mm."""
+    t = np.arange(0.0, 30.0, 0.002)
+    s, back = t % lasts / lasts, (t // lasts).astype(int) % 2 == 1
+    along = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    place = 0.3 * np.where(back, 1.0 - along, along)
+    true = 0.3 * np.where(back, -1.0, 1.0) * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / lasts**2
+    axis = np.array([0.6, 0.0, 0.8])
+    told = place[:, None] * axis + noise * np.random.default_rng(5).normal(size=(len(t), 3))
+    still = np.broadcast_to(np.eye(3), (len(t), 3, 3))
+    found = flange_motion(cw.Samples(np.zeros((len(t), 6)), still, t, told))
+    assert found.bandwidth > 4.0 / lasts
+    off = (found.acceleration - true[:, None] * axis)[found.inside]
+    assert np.sqrt(np.mean(off**2)) < 0.03 * np.sqrt(np.mean(true**2))
+
+
 def test_of_a_motion_far_below_the_bandwidth_next_to_nothing_is_untold() -> None:
     analytic = Analytic(np.arange(4000) / 1000.0, 1.0)
     motion = flange_motion(analytic.samples, BANDWIDTH)

@@ -42,7 +42,7 @@ def test_samples_keep_copies_that_cannot_be_written_to() -> None:
 def test_orientations_of_other_kinds_are_made_matrices() -> None:
     R = generic_rotations(4)
     turns = Rotation.from_matrix(R)
-    for given in (turns, turns.as_quat()):
+    for given in (turns, turns.as_quat(), turns.as_quat().tolist()):
         assert cw.Samples(**fields() | {"R_base_flange": given}).R_base_flange == pytest.approx(R, abs=1e-12)
     with pytest.raises(
         InputError, match=r"^R_base_flange has shape \(3, 3, 3\), expected \(n, 3, 3\) with n = 4 as in wr"

@@ -14,7 +14,10 @@ from contactwrench.compensate.faults import Reason
 from contactwrench.geometry.quaternions import Quat, inverse, product, rotated, unit
 from contactwrench.live.source import Three
 
-from .track import DISORDER, ORIGIN, Pose, Track, filled_in
+from .track import ORIGIN, Pose, Track, filled_in
+
+TOGETHER = 0.1
+"""s: transforms whose last stamps are no further apart are as old as each other."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +56,14 @@ class Chain:
         self.path: list[tuple[Link, bool]] = []
         self.until = self.placed = -inf
 
-    def back_by(self, transforms: Iterable[Transform]) -> float:
-        """By how much, s, the clock was set back by which those transforms are stamped that the chain is of; 0: it was
-        not.
+    def back_by(self, transforms: Iterable[Transform], most: float) -> float:
+        """By how much, s, those transforms that the chain is of are behind what was heard, if by more than `most`, else
+        0.
         """
         stamped = {each.child.removeprefix("/"): each.t for each in transforms}
         heard = ((link, stamped[child]) for child, link in self.links.items() if child in stamped)
         moving = {id(link) for link in self._moving()}
-        return max((link.track.back_by(t) for link, t in heard if id(link) in moving), default=0.0)
+        return max((link.track.back_by(t, most) for link, t in heard if id(link) in moving), default=0.0)
 
     def forget(self) -> None:
         """Stamps went back: the moving transforms are forgotten, all of them, as one clock stamps them."""
@@ -101,7 +104,7 @@ class Chain:
         if not moving:
             return f"found static transforms only from {self.base} to {self.flange}, expected some that the arm moves"
         oldest = min(moving, key=lambda link: link.track.newest(inf))
-        if max(link.track.newest(inf) for link in moving) <= oldest.track.newest(inf) + DISORDER:
+        if max(link.track.newest(inf) for link in moving) <= oldest.track.newest(inf) + TOGETHER:
             return ""  # all are as old, and none of them is to blame
         child = next(name for name, link in self.links.items() if link is oldest)
         return f"tf {oldest.parent} -> {child} is the one that is behind"

@@ -65,7 +65,8 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
         super().__init__("contactwrench", **options)
         of_any_type = ParameterDescriptor(dynamic_typing=True)
         stated = {name: self.declare_parameter(name, p.default, of_any_type).value for name, p in PARAMETERS.items()}
-        self.session = Session(stated | {name: self.topic(name, stated[name]) for name in TOPICS})
+        topics = "wrench_topic", *(name for source, name in TOPICS.items() if source == stated["pose_source"])
+        self.session = Session(stated | {name: self.topic(name, stated[name]) for name in topics})
         for name, parameter in PARAMETERS.items():
             self.set_descriptor(name, descriptor(parameter))
         if self.session.note:

@@ -55,7 +55,8 @@ PARAMETERS = {
         0.1, "s without a new orientation, after which no wrench is published", live=True, within=(0.001, 10.0)
     ),
 }
-TOPICS = ("wrench_topic", "pose_topic", "joint_topic")
+TOPICS = {"pose": "pose_topic", "joints": "joint_topic"}
+"""Of the sources of poses, beside tf."""
 
 
 def defaults() -> dict[str, Any]:
@@ -73,7 +74,10 @@ def meant(name: str, value: Any) -> str | float:
     if isinstance(parameter.default, str):
         refuse(
             (not isinstance(value, str), f"{name} is {value!r}, expected a text: write it in quotes"),
-            (parameter.default and not value, f"{name} is empty, expected a text such as {parameter.default}"),
+            (
+                parameter.default and not value and name not in TOPICS.values(),
+                f"{name} is empty, expected a text such as {parameter.default}",
+            ),
         )
         return str(value)
     if isinstance(value, bool) or not isinstance(value, int | float):

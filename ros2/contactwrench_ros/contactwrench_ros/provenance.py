@@ -17,34 +17,34 @@ ANOTHER_FRAME = (
 
 
 def options_of(settings: dict[str, Any], calibration: cw.Calibration | None) -> Options:
-    """How readings and orientations are written: by the parameters, with the sign of a calibration where they state
-    none.
+    """How readings and orientations are written: by the parameters, with the sign of a calibration's readings where
+    they state none.
 
     Args:
         settings: the node's parameters by their names.
         calibration: that was loaded, None: there is none yet.
 
     Raises:
-        InputError: a sign that is none, or a sign or a flange that are not the calibration's.
+        InputError: a sign that is none, or a flange that is not the calibration's.
     """
     known = {} if calibration is None else remembered(calibration.provenance)
-    stated, own = settings["sign"], known.get("sign")
     source, frames = settings["pose_source"], (bare(settings["base_frame"]), bare(settings["flange_frame"]))
     of_pose: dict[str, dict[str, Any]] = {
         "tf": {"frames": frames},
         "pose": {"pose_topic": settings["pose_topic"]},
         "joints": {"pose_topic": settings["joint_topic"], "robot": settings["urdf"]},
     }
-    options = Options(sign=stated or own or "pull", wrench_topic=settings["wrench_topic"], **of_pose[source])
+    sign = settings["sign"] or known.get("sign", "pull")
+    options = Options(sign=sign, wrench_topic=settings["wrench_topic"], **of_pose[source])
     flange = bare(known["frames"][1]) if source == "tf" and "frames" in known else frames[1]
-    refuse(
-        (
-            own not in (None, options.sign),
-            f"sign is {stated}, expected {own} as for the calibration: leave sign empty, or calibrate anew",
-        ),
-        (flange != frames[1], ANOTHER_FRAME.format("flange_frame", frames[1], flange)),
-    )
+    refuse((flange != frames[1], ANOTHER_FRAME.format("flange_frame", frames[1], flange)))
     return options
+
+
+def of_another_sign(options: Options, calibration: cw.Calibration) -> str | None:
+    """That readings are taken with another sign than the calibration's were, which may be of another program."""
+    own = remembered(calibration.provenance).get("sign", options.sign)
+    return None if own == options.sign else f"sign is {options.sign}, and was {own} for the calibration"
 
 
 def read_as(settings: dict[str, Any], options: Options) -> ReadAs:

@@ -24,13 +24,19 @@ from .chain import Chain, Transform
 from .monitoring import Status, Tally
 from .motion import Motion
 from .parameters import POSE_SOURCES, meant
-from .provenance import in_base, options_of, read_as
-from .track import NO_STAMP, Pose, Track, back_by
+from .provenance import in_base, of_another_sign, options_of, read_as
+from .track import BEGUN_ANEW, NO_STAMP, Pose, Track
 
 IN_CONTACT = (
     f"no new zero: found a contact, expected a free tool: let go of it; if nothing touches it, ask again once that has "
     f"stayed the same for {SAME_SECONDS:g} s"
 )
+DISORDER, STAYS_BEHIND = 0.1, 3
+"""s by which a reading may be stamped before the last, as messages come in disorder; so many in a row that are earlier
+by more are no late ones: their clock was set back, and they would be paired with poses that the arm had then.
+"""
+SETTLES = 1.0
+"""s, in which the last messages of before a clock was set back have come."""
 CLOCKS = ", though poses come: let the computers that stamp poses and readings agree on the time, by chrony or PTP"
 
 
@@ -54,6 +60,7 @@ class Session:
         source, known = settings["pose_source"], ", ".join(POSE_SOURCES)
         refuse((source not in POSE_SOURCES, f"pose_source is {source!r}, expected {known}"))
         self.last_reading = self.last_pose = -inf
+        self.behind, self.settled_from = 0, -inf
         self.orientations, self.tally = Track(), Tally()
         self.chain = Chain(settings["base_frame"], settings["flange_frame"])
         self.gathered: list[Reading] | None = None
@@ -67,7 +74,8 @@ class Session:
         loaded = cw.Calibration.load(self.file) if self.file else None
         self.options = options_of(settings, loaded)
         if loaded is not None:
-            self.calibration, self.note = in_base(loaded, settings["base_frame"])
+            self.calibration, of_base = in_base(loaded, settings["base_frame"])
+            self.note = "; ".join(filter(None, (of_another_sign(self.options, loaded), of_base))) or None
         self.set({})
 
     def set(self, changes: dict[str, Any]) -> None:
@@ -93,15 +101,15 @@ class Session:
 
     def transforms(self, transforms: Sequence[Transform], static: bool) -> None:
         """Take what tf says."""
-        if not static and (by := self.chain.back_by(transforms)):
-            self._begin_anew("tf", by)
+        if not static and (by := self.chain.back_by(transforms, self._late)):
+            self._begin_anew("tf", by, max(each.t for each in transforms))
         if (found := self.chain.hear(transforms, static, self.settings["stale_after"])) is not None:
             self.pose(found)
 
     def pose(self, pose: Pose) -> None:
         """Take a pose of the flange in the base; one that is no newer than the last is passed over."""
-        if by := self.orientations.back_by(pose.t):
-            self._begin_anew("poses", by)
+        if by := self.orientations.back_by(pose.t, self._late):
+            self._begin_anew("poses", by, pose.t)
         self.last_pose = self.last_reading
         if self.orientations.hear(pose.t, pose.quat_xyzw) and self.motion is not None:
             self.motion.hear(pose)
@@ -142,21 +150,30 @@ class Session:
         stale_after = self.settings["stale_after"]
         if t == 0.0 and self.orientations.apart(t) > stale_after:
             return Reason(f"reading: {NO_STAMP}", "no stamp")
-        if by := back_by(self.last_reading, t):
-            self._begin_anew("readings", by)
-        self.last_reading = t
+        if (by := self.last_reading - t) > DISORDER:
+            self.behind += 1
+            if self.behind < STAYS_BEHIND:
+                return Reason(f"reading: stamped {by:.3f} s before the last, expected them in order", "late reading")
+            self._begin_anew("readings", by, t)
+        self.last_reading, self.behind = t, 0
         found = self.orientations.at(t, stale_after)
         if isinstance(found, Reason) and t - self.last_pose <= stale_after < self.orientations.apart(t):
             return Reason(f"{found}{CLOCKS}", found.kind)
         return found
 
-    def _begin_anew(self, what: str, by: float) -> None:
-        """Stamps went back by so many s. Readings to come are of times that come again, and would be paired with poses
-        that the arm had then; which of the topics comes first is chance, so each forgets all of them.
+    @property
+    def _late(self) -> float:
+        """By how much, s, poses are late at most; where the clock was just set back, those of before come on for a
+        while, and what is behind them is of the new time.
         """
+        return DISORDER if self.last_reading < self.settled_from else BEGUN_ANEW
+
+    def _begin_anew(self, what: str, by: float, t: float) -> None:
+        """Stamps went back by so many s, to `t`: of times that come again the poses of before say nothing."""
         self.orientations.forget()
         self.chain.forget()
         self.last_reading = self.last_pose = -inf
+        self.settled_from = t + SETTLES
         self.gathered = None if self.gathered is None else []
         self.tally.went_back(what, by)
 

@@ -14,10 +14,9 @@ KEPT = 2000
 """Poses: 2 s of the fastest arm's."""
 LOOK_BACK = 0.02
 """s: over which the turn is taken that is carried on after the last orientation; over less, jitter of stamps counts."""
-DISORDER = 0.1
-"""s by which a stamp may be earlier than the last as messages come in disorder or are stamped unevenly, some ten ms; by
-more, its clock was set back. Where that was by less, poses are passed over for as long: 0.09 s of a tool of 13.7 N that
-turns by 0.9 rad/s were 0.67 N for 0.09 s.
+BEGUN_ANEW = 10.0
+"""s by which the stamp of a pose is earlier than the last when a clock began anew; tf2 keeps as much. Poses that are
+late by less, as of a second publisher, are passed over.
 """
 STALE = "stale orientation"
 NO_STAMP = "it is stamped 0, expected the time of its measurement: let whoever sends it stamp it"
@@ -37,11 +36,6 @@ def filled_in(place: Three) -> Three | None:
     return place if any(place) and all(abs(part) < FURTHEST for part in place) else None
 
 
-def back_by(last: float, t: float) -> float:
-    """By how much, s, a stamp is earlier than the last as its clock was set back; 0: it was not."""
-    return last - t if t < last - DISORDER else 0.0
-
-
 class Track:
     """The last poses of a frame that were heard, in the order of their stamps."""
 
@@ -51,9 +45,9 @@ class Track:
         self._places: list[Three] = []
         self._none = "orientation: none was heard yet"
 
-    def back_by(self, t: float) -> float:
-        """By how much, s, a stamp is earlier than the last as its clock was set back; 0: it was not."""
-        return back_by(self.times[-1], t) if self.times else 0.0
+    def back_by(self, t: float, most: float = BEGUN_ANEW) -> float:
+        """By how much, s, a stamp is earlier than the last, if by more than `most`, else 0."""
+        return self.times[-1] - t if self.times and t < self.times[-1] - most else 0.0
 
     def forget(self) -> None:
         """Stamps went back: of a time that comes again the poses of before say nothing."""

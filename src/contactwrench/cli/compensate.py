@@ -98,7 +98,7 @@ def compensate(
     from ..recording.compensate_set import one_of_set
     from ..report.contacts import compensate_recording
 
-    episodes, accept = _episodes(recording, report) if all_episodes else {}, recording.options.accept_damaged
+    episodes, accept = _episodes(recording, report) if all_episodes else [], recording.options.accept_damaged
     if episodes:
         recording = replace(recording, options=one_of_set(recording.path, recording.options, episodes))
     require_writable(output, recording.path, recording.options)
@@ -134,8 +134,8 @@ def compensate(
         options.say(line, err=str(output) == STDOUT)
 
 
-def _episodes(recording: Recordings, report: Path | None) -> dict[int, int]:
-    """The rows of each of a set, in their order. Raises `InputError` for what goes with one recording alone."""
+def _episodes(recording: Recordings, report: Path | None) -> list[int]:
+    """Those of a set, in the order of their rows. Raises `InputError` for what goes with one recording alone."""
     from ..recording.tables.episodes import episodes_in
     from ..recording.tables.table import open_set
 

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..geometry.ranges import DELAY_STD, LAG
+from ..geometry.ranges import DELAY, DELAY_STD, LAG
 from ..samples.delay import is_significant
 from .filters import LowPass, low_pass
 from .state import OF_DOWN, TERMS, Matrix, Row, State, kernel
@@ -29,7 +29,8 @@ def use_delay(
     s: State, calibration: Calibration, sensor_filter: LowPass | None, stated: float | None, std: float | None
 ) -> None:
     """What the kernel needs of the delay and its std, as stated or as the calibration has them. Raises `InputError`."""
-    s.delay = delay_of(calibration, sensor_filter) if stated is None else float(LAG.require(stated, "delay"))
+    delay, within = (delay_of(calibration, sensor_filter), DELAY) if stated is None else (stated, LAG)
+    s.delay = float(within.require(delay, "delay"))
     known = std_of_delay(calibration) if stated is None else 0.0
     s.delay_std = float(DELAY_STD.require(known if std is None else std, "delay_std"))
     s.look_back = s.delay if s.delay > 0.0 else max(-s.delay, LEAST_LOOK_BACK)

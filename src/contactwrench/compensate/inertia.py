@@ -38,7 +38,7 @@ STOPPING, BEYOND = 30.0, 100.0
 """m/s^2: no arm stops or starts faster; and no pose that is so far off jumped because an arm did, but for its time."""
 SLOW, NEAR = 0.02, 0.002
 """m/s or rad/s, and m or rad: less is no motion."""
-TURNED = 0.02
+TURNED = 0.005
 """rad, from where the place was last told, it not being told since: by less an arm may stand."""
 
 
@@ -78,16 +78,16 @@ def lose_place(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
     """No place is told, for more than a moment. Where none ever was, the arm is at rest; where it moved at the last
     one, or has turned since, what it does is not known until three are told again.
     """
-    if not fresh and sample.time - s.pose_time < REPEATED * s.pose_usual:
-        return
-    squared = 0.0
+    turn = 0.0
     for k in range(9):
         step = s.R[k] - s.pose_R[k]
-        squared += 0.5 * (step * step)
-    if fresh:
-        s.unknown = 0
-    elif s.pose_usual > 0.0 and (squared > TURNED * TURNED or (s.poses > 0 and too_fast_to_stop(s))):
-        s.unknown = 3
+        turn += 0.5 * (step * step)
+    turned, wait = turn > TURNED * TURNED, REPEATED * s.pose_usual if s.pose_usual > 0.0 else SLOWEST_POSES
+    said = s.pose_time != s.pose_time and s.unknown > 0
+    if not fresh and (said or sample.time - s.pose_time < wait or (s.resting and not turned)):
+        return
+    moves = s.placed and (turned or (s.poses > 0 and too_fast_to_stop(s)))
+    s.unknown = 0 if fresh else 3 if moves else s.unknown
     s.pose_time, s.pose_period, s.resting, s.poses = nan, 0.0, True, 0
     begin_at_rest(s, ring, sample.time, fresh=True)
 
@@ -140,7 +140,7 @@ def follow_pose(s: State, sample: Sample, position: Row, ring: Matrix, passed: f
         known, s.poses = s.poses, min(s.poses + 1, 3)
         differentiate(s, position, passed, known)
     s.unknown = max(s.unknown - 1, 0)
-    s.resting = False
+    s.resting, s.placed = False, True
     if s.poses > 1:
         keep_terms(s, ring, s.pose_time, fresh=False)
     s.pose_time, s.pose_repeats = sample.time, 0.0

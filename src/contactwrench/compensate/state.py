@@ -133,6 +133,7 @@ class State:
     uncertain: Matrix = numbers(6, 3)
     pose_gain: Row = numbers(OCTAVES_HELD, fill=1.0)
     poses_alone: bool = False
+    placed: bool = False
     poses: int = 0
     pose_time: float = nan
     pose_period: float = 0.0

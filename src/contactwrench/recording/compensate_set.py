@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,8 @@ from .in_order import without_wrench
 from .options import ACCEPT_FLAG, Options
 from .read import pairs_in_batches
 from .tables.columns import Advance, Tell, unheard
+from .tables.roles import wrench_columns
+from .tables.table import open_table
 
 MOST_NOTES = 20
 """Of all recordings of a set together."""
@@ -28,20 +30,20 @@ def compensated_set(
     options: Options,
     calibration: Calibration,
     treatment: Treatment,
-    episodes: Mapping[int, int],
+    episodes: Sequence[int],
     advance: Advance = unheard,
     note: Tell = unheard,
     *,
     accept_damaged: bool = False,
 ) -> Iterator[ContactWrenches]:
-    """As `compensated`, of each of the `episodes` of a set by itself, of which it has the rows; of each row it says
-    whether it is valid. One that cannot be compensated ends it, by name, or, with `accept_damaged`, has rows without a
-    contact wrench that say why; where none can, that is raised.
+    """As `compensated`, of each of the `episodes` of a set by itself; of each row it says whether it is valid. One that
+    cannot be compensated ends it, by name, or, with `accept_damaged`, has rows without a contact wrench that say why;
+    where none can, that is raised.
     """
     said: dict[str, list[int]] = {}
     lost: list[ContactWrenches] = []
     have_times: bool | None = None
-    for k, (episode, count) in enumerate(episodes.items(), 1):
+    for k, episode in enumerate(episodes, 1):
         notes, done, of_it = list[str](), 0, replace(options, episode=episode)
         try:
             for batch in compensated(path, of_it, calibration, treatment, note=notes.append):
@@ -55,7 +57,8 @@ def compensated_set(
             if have_times is None and k == len(episodes):
                 raise type(error)(f"none of {counted(k, 'episode')} can be compensated: {error}") from None
             notes.append(f"left out: {error}")
-            lost.append(_of_episode(episode, without_wrench(str(error), np.full(count - done, np.nan))))
+            lacking = _rows_of(path, of_it, pairs_in_batches(path, options) is not None) - done
+            lost.append(_of_episode(episode, without_wrench(str(error), np.full(lacking, np.nan))))
         for text in notes:
             said.setdefault(text, []).append(episode)
         advance(k / len(episodes))
@@ -67,7 +70,7 @@ def compensated_set(
         note(f"and {counted(len(said) - MOST_NOTES, 'note')} more: --episode N gives those of one")
 
 
-def one_of_set(path: str | Path, options: Options, episodes: Iterable[int]) -> Options:
+def one_of_set(path: str | Path, options: Options, episodes: Sequence[int]) -> Options:
     """The options for one recording of a set by which all are judged: the first that can be read."""
     each = [replace(options, episode=episode, accept_damaged=False) for episode in episodes]
     for one in each:
@@ -75,6 +78,18 @@ def one_of_set(path: str | Path, options: Options, episodes: Iterable[int]) -> O
             pairs_in_batches(path, one)
             return one
     return each[0]
+
+
+def _rows_of(path: str | Path, options: Options, every: bool) -> int:
+    """How many rows one that can be compensated would have: `every` one, or those with a reading."""
+    table, count = open_table(path, options), 0
+    wrench = [] if every else wrench_columns(table, options)
+    for body in table.bodies(wrench):
+        lacking = 0
+        with suppress(ContactWrenchError):  # what is no number is there
+            lacking = int(np.isnan(body.numbers(wrench, wrench)).all(axis=1).sum()) if wrench else 0
+        count += len(body) - lacking
+    return count
 
 
 def _of_episode(episode: int, batch: ContactWrenches) -> ContactWrenches:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +69,7 @@ def compensate_recording(
     output: Path,
     report: Path | None,
     advance: Advance = unheard,
-    episodes: Mapping[int, int] | None = None,
+    episodes: Sequence[int] = (),
     *,
     accept_damaged: bool = False,
 ) -> tuple[list[str], list[str]]:
@@ -83,7 +83,7 @@ def compensate_recording(
         output: the contact wrenches: a table, a copy of the bag, or `-`, CSV on stdout.
         report: a page about every contact, which `treatment` must have judged.
         advance: is told how far the reading is.
-        episodes: of a set of which every recording is compensated by itself, with their rows.
+        episodes: of a set of which every recording is compensated by itself.
         accept_damaged: of a set, leave out those that cannot be compensated.
 
     Returns:
@@ -101,7 +101,7 @@ def compensate_recording(
         rows = compensated(path, options, calibration, treatment, advance, notes.append)
     noted = log.noted(rows, treatment.judged)
     topic = write_compensated(output, noted, path, options, treatment.output_frame, notes.append)
-    lines = [summary(log, len(episodes or ()))] if treatment.judged else []
+    lines = [summary(log, len(episodes))] if treatment.judged else []
     if str(output) != STDOUT:
         what = counted(log.rows, "row") if topic is None else f"{counted(log.rows, 'message')} of {topic}"
         lines.append(f"Wrote the contact wrenches, {what}, to {output}")

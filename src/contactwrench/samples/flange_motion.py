@@ -35,9 +35,9 @@ HALF_WIDTH, SIDE_LOBES = 3.5, 6.0
 """Periods of the bandwidth, to each side, over which the filter reaches; and how softly it ends (Kaiser's beta)."""
 SLOWEST, FASTEST, OF_POSES = 1.0, 100.0, 0.3
 """Hz; no arm is slower, or faster, in what it does with a tool; and of the rate of the poses."""
-OCTAVE_PARTS = 4.0
-"""Bands, an octave wide each, that begin in an octave of the acceleration's spectrum: moves that are alike have none of
-some frequency, and all of its double.
+OCTAVE_PARTS, HALF_BAND = 4.0, 2.0
+"""Bands that begin in an octave of the acceleration's spectrum, and how far each reaches to both sides: moves there and
+back that are alike have only odd harmonics, and of three times a frequency to it there is nothing.
 """
 AT_REST = 0.02
 """rad/s^2 and m/s^2, RMS: what turns or moves less says nothing of where noise takes over, as of a pure turn the place,
@@ -222,7 +222,7 @@ def _bandwidth(signal: Array, period: float, node: float) -> float:
     power = 2.0 * np.abs(change) ** 2 / (n * np.sum(window**2))
     chosen = []
     for group in (power[:, :3].sum(axis=1), power[:, 3:].sum(axis=1)):
-        bands = [group[(frequency >= f / np.sqrt(2.0)) & (frequency < f * np.sqrt(2.0))] for f in centres]
+        bands = [group[(frequency >= f / HALF_BAND) & (frequency < f * HALF_BAND)] for f in centres]
         means = np.array([band.mean() if len(band) else np.inf for band in bands])
         if group.any():
             peak = int(np.argmax(np.where(np.isfinite(means), means, 0.0)[: int(np.argmin(means)) + 1]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -84,7 +85,10 @@ class Samples(Rows):
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if hasattr(self.R_base_flange, "as_matrix") or getattr(self.R_base_flange, "shape", ())[1:] == (4,):
+        shape: tuple[int, ...] = ()
+        with suppress(ValueError):  # of lists that are no numbers, which is said below
+            shape = np.shape(self.R_base_flange)
+        if hasattr(self.R_base_flange, "as_matrix") or shape[1:] == (4,):
             object.__setattr__(self, "R_base_flange", rotation_matrices(self.R_base_flange)[0])
         super().__post_init__()
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}

@@ -51,14 +51,17 @@ class NamedColumns:
         roles = roles_beside(table, naming, wrench, self._convention, angles)
         self._roles, self._counter = roles, Counter(1e-6, step=round(1e6 / rate) if rate else None, learns=True)
         self._first: float | None = None
+        self._per_s = 0.0
 
     def samples(self, rows: list[Sequence[float]], arrival: float, batch: Batch) -> None:
         """Put the rows into the batch; what is NaN in them is not there."""
         roles = self._roles
         turns = self._turns(rows) if roles.orientation else [None] * len(rows)
         for row, turn in zip(rows, turns, strict=True):
-            seconds = in_seconds(np.array([_in_si(row, roles.t)]), roles.t)  # row by row: the first may have no time
-            device = nan if seconds is None else float(seconds[0])
+            device = sum(_in_si(row, roles.t)) if roles.t else nan
+            if self._per_s == 0.0 and device > 0.0:  # the first may have no time
+                self._per_s = device / float(np.asarray(in_seconds(np.array([_in_si(row, roles.t)]), roles.t))[0])
+            device /= self._per_s or 1.0
             if isfinite(1e6 * device):
                 self._first = device if self._first is None else self._first
                 if (fresh := self._counter.take(round(1e6 * device), arrival, batch)) is None:

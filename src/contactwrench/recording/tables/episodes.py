@@ -82,30 +82,28 @@ def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
     return OpenTable(table.source, table.places, bodies)
 
 
-def episodes_in(table: OpenTable) -> dict[int, int]:
-    """How many rows each episode of a set has, in their order. Raises `FileFormatError` for a table that is none, and
-    where rows of one are apart.
+def episodes_in(table: OpenTable) -> list[int]:
+    """The episodes of a set, in the order of their rows. Raises `FileFormatError` for a table that is none, and where
+    rows of one are apart.
     """
     column = episode_column(table)
     if column is None:
         raise FileFormatError(
             f"{table.source}: found no column {EPISODE}, expected a set of recordings: leave out --all-episodes"
         )
-    found: dict[int, int] = {}
+    found: dict[int, None] = {}
     last = -1
     for body in table.bodies([column]):
         numbers = episodes_of(body, column).astype(int)
-        begins = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
-        counts = np.diff(begins, append=len(numbers))
-        for index, episode, count in zip(begins.tolist(), numbers[begins].tolist(), counts.tolist(), strict=True):
-            if episode in found and not (index == 0 and episode == last):
+        begins, last = np.flatnonzero(np.diff(numbers, prepend=last)), int(numbers[-1])
+        for index, episode in zip(begins.tolist(), numbers[begins].tolist(), strict=True):
+            if episode in found:
                 raise FileFormatError(
                     f"{body.source}: row {body.row_of(index)}: found episode {episode} again, expected its rows "
                     f"together: sort the table by {EPISODE}"
                 )
-            found[episode] = found.get(episode, 0) + count
-        last = int(numbers[-1])
-    return found
+            found[episode] = None
+    return list(found)
 
 
 def _one_expected(source: str, seen: set[float], others: Iterable[Body], column: Column) -> FileFormatError:
