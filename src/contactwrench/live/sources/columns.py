@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from functools import partial
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from typing import cast
 
 import numpy as np
@@ -59,7 +59,7 @@ class NamedColumns:
         turns = self._turns(rows) if roles.orientation else [None] * len(rows)
         for row, turn in zip(rows, turns, strict=True):
             device = sum(_in_si(row, roles.t)) if roles.t else nan
-            if self._per_s == 0.0 and device > 0.0:  # the first may have no time
+            if self._per_s == 0.0 and 0.0 < device < inf:  # the first may have no time
                 self._per_s = device / float(np.asarray(in_seconds(np.array([_in_si(row, roles.t)]), roles.t))[0])
             device /= self._per_s or 1.0
             if isfinite(1e6 * device):
