@@ -79,7 +79,7 @@ def test_a_stamp_that_is_not_set_at_first_hides_no_unit() -> None:
     decoder, batch, six = LinesDecoder(Naming(), None), Batch(), '"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0'
     for t in ("null", "1e999", "0", "1700000000000000000", "1700000000002000000"):
         decoder.feed(f'{{"t": {t}, {six}}}\n'.encode(), 5.0, batch)
-    assert [note.kind for note in batch.notes] == [NoteKind.RESTARTED]
+    assert [note.kind for note in batch.notes] == [NoteKind.GARBAGE, NoteKind.RESTARTED]
     assert batch.samples[-1].device - batch.samples[-2].device == pytest.approx(0.002, abs=1e-6)
 
 
