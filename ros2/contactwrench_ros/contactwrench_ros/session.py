@@ -59,7 +59,7 @@ class Session:
         self.settings = settings = {name: meant(name, value) for name, value in settings.items()}
         source, known = settings["pose_source"], ", ".join(POSE_SOURCES)
         refuse((source not in POSE_SOURCES, f"pose_source is {source!r}, expected {known}"))
-        self.last_reading = self.last_pose = -inf
+        self.last_reading = self.reading_at_pose = -inf
         self.behind, self.settled_from = 0, -inf
         self.orientations, self.tally = Track(), Tally()
         self.chain = Chain(settings["base_frame"], settings["flange_frame"])
@@ -110,7 +110,7 @@ class Session:
         """Take a pose of the flange in the base; one that is no newer than the last is passed over."""
         if by := self.orientations.back_by(pose.t, self._late):
             self._begin_anew("poses", by, pose.t)
-        self.last_pose = self.last_reading
+        self.reading_at_pose = self.last_reading
         if self.orientations.hear(pose.t, pose.quat_xyzw) and self.motion is not None:
             self.motion.hear(pose)
 
@@ -157,7 +157,7 @@ class Session:
             self._begin_anew("readings", by, t)
         self.last_reading, self.behind = t, 0
         found = self.orientations.at(t, stale_after)
-        if isinstance(found, Reason) and t - self.last_pose <= stale_after < self.orientations.apart(t):
+        if isinstance(found, Reason) and t - self.reading_at_pose <= stale_after < self.orientations.apart(t):
             return Reason(f"{found}{CLOCKS}", found.kind)
         return found
 
@@ -172,7 +172,7 @@ class Session:
         """Stamps went back by so many s, to `t`: of times that come again the poses of before say nothing."""
         self.orientations.forget()
         self.chain.forget()
-        self.last_reading = self.last_pose = -inf
+        self.last_reading = self.reading_at_pose = -inf
         self.settled_from = t + SETTLES
         self.gathered = None if self.gathered is None else []
         self.tally.went_back(what, by)

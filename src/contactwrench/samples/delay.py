@@ -40,8 +40,9 @@ LONGEST_DELAY = DELAY.most
 AS_GOOD = 0.02
 """Of the range of misfits: a second minimum as close to the best is another answer."""
 ODDS = 20.0
-"""Twice the logarithm of the odds, were the residuals independent, up to which it is one too: a few seconds tell as
-little, and a smooth motion explains noise at any delay a bit.
+"""Twice the logarithm of the odds, were the residuals independent, up to which it is one too: a smooth motion explains
+noise at any delay a bit. Of ten seconds at 30 Hz one episode in ten had a delay of 0.2 s and more without it, none of
+540 with it; of 180 true delays it costs 2.
 """
 
 
