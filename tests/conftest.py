@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -27,6 +28,12 @@ for library in ("OMP", "OPENBLAS", "MKL"):
 settings.register_profile("same_every_time", derandomize=True, database=None, deadline=None)
 settings.register_profile("explore", database=None, deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same_every_time"))
+
+drawing = vars(import_module("hypothesis.internal.conjecture.providers"))
+drawing["_get_local_constants"] = partial(drawing.__getitem__, "_local_constants")
+"""No example is drawn from the constants of local modules: which are loaded by then is chance, and each change of the
+program is another one.
+"""
 
 
 def pytest_collection_finish() -> None:
