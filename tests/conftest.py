@@ -27,13 +27,12 @@ for library in ("OMP", "OPENBLAS", "MKL"):
 
 settings.register_profile("same_every_time", derandomize=True, database=None, deadline=None)
 settings.register_profile("explore", database=None, deadline=None, print_blob=True)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same_every_time"))
-
-drawing = vars(import_module("hypothesis.internal.conjecture.providers"))
-drawing["_get_local_constants"] = partial(drawing.__getitem__, "_local_constants")
-"""No example is drawn from the constants of local modules: which are loaded by then is chance, and each change of the
-program is another one.
-"""
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "same_every_time")
+settings.load_profile(PROFILE)
+if PROFILE == "same_every_time":
+    # No example is drawn from the constants of local modules: which are loaded by then depends on the tests before it.
+    drawing = vars(import_module("hypothesis.internal.conjecture.providers"))
+    drawing["_get_local_constants"] = partial(drawing.__getitem__, "_local_constants")
 
 
 def pytest_collection_finish() -> None:

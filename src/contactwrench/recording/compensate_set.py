@@ -85,10 +85,9 @@ def _rows_of(path: str | Path, options: Options, every: bool) -> int:
     table, count = open_table(path, options), 0
     wrench = [] if every else wrench_columns(table, options)
     for body in table.bodies(wrench):
-        lacking = 0
+        count += len(body)
         with suppress(ContactWrenchError):  # what is no number is there
-            lacking = int(np.isnan(body.numbers(wrench, wrench)).all(axis=1).sum()) if wrench else 0
-        count += len(body) - lacking
+            count -= int(np.isnan(body.numbers(wrench, wrench)).all(axis=1).sum()) if wrench else 0
     return count
 
 

@@ -95,8 +95,9 @@ def compensate_recording(
     notes: list[str] = []
     log = ContactLog()
     if episodes:
-        told = advance, notes.append
-        rows = compensated_set(path, options, calibration, treatment, episodes, *told, accept_damaged=accept_damaged)
+        rows = compensated_set(
+            path, options, calibration, treatment, episodes, advance, notes.append, accept_damaged=accept_damaged
+        )
     else:
         rows = compensated(path, options, calibration, treatment, advance, notes.append)
     noted = log.noted(rows, treatment.judged)

@@ -131,7 +131,7 @@ class NetFt(Reader[Udp]):
         """Counts of one N or N m."""
         number, spelled = _text(page, of), _text(page, unit)
         kilo = quantity == "force" and spelled.lower().startswith("klb")  # the only unit of ATI's that no table has
-        counts, known = _number(number), unit_of(quantity, spelled[kilo:])
+        counts, known = _number(number), unit_of(quantity, spelled[1:] if kilo else spelled)
         if known is None or not 0.0 < counts < inf:
             expected = f"counts of a unit of {quantity}"
             do = f"set its {quantity} units to {'N' if quantity == 'force' else 'N-m'} on its page"

@@ -27,8 +27,14 @@ STATES = ("safety_status", "robot_mode")
 WANTED = ("timestamp", "actual_TCP_pose", "tcp_offset", "actual_q", *STATES)
 NEEDED = ("timestamp", "actual_TCP_pose")
 RAW, COMPENSATED = "ft_raw_wrench", "actual_TCP_force"
-STOPS = {3: "protective stop", 5: "safeguard stop", 6: "emergency stop", 7: "emergency stop"}
-SAFETY = {**STOPS, 8: "violation", 9: "fault"}
+SAFETY = {
+    3: "protective stop",
+    5: "safeguard stop",
+    6: "emergency stop",
+    7: "emergency stop",
+    8: "violation",
+    9: "fault",
+}
 BROKEN = (8, 9)
 MODES = {-1: "no controller", 0: "disconnected", 1: "confirm safety", 2: "booting", 3: "power off", 4: "power on"}
 """Those in which the joints' angles are not told."""
