@@ -175,16 +175,18 @@ class Rig:
         turned: float = 1.0,
     ) -> None:
         """Readings, and tf at most at 100 Hz, at an orientation, in real time. No more than `under_way`
-        readings are without an answer: a machine that stalls is not what is tested. `turned`: -1 with the other sign.
+        readings are without an answer, and these are stamped at an even pace: a machine that stalls is not what is
+        tested. `turned`: -1 with the other sign.
         """
         pure, start, stood = free(R) + push * np.ones(6), time.time(), 0.0
+        begun = start
         for k in range(int(seconds * rate)):
             t = start + k / rate
             time.sleep(max(0.0, t - time.time()))
             start += max(0.0, time.time() - t - 0.02)  # late is late: no burst makes up for it
             if len(self.sent) - len(self.found) > under_way:
                 self.wait(lambda: len(self.sent) - len(self.found) <= under_way)
-            t = time.time()
+            t = begun + k / rate if np.isfinite(under_way) else time.time()
             if t - stood > 0.009:
                 self.stand(R, t)
                 stood = t

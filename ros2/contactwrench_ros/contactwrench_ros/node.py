@@ -76,6 +76,7 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
         self.wrenches = self.create_publisher(WrenchStamped, "~/contact_wrench", 200)
         self.contacts = self.create_publisher(Bool, "~/contact", LATCHED)
         self.diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        getattr(self, f"listen_to_{self.settings['pose_source']}")()  # first: poses are taken before readings that wait
         self.create_subscription(
             WrenchStamped,
             stated["wrench_topic"],
@@ -83,7 +84,6 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
             SENSOR,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self.on_lost),
         )
-        getattr(self, f"listen_to_{self.settings['pose_source']}")()
         self.waiting = ReentrantCallbackGroup()  # a service that awaits would hold up the others of its group
         for name, serve in {
             "~/zero": self.after_a_second(self.session.zero),
