@@ -63,18 +63,20 @@ def to_quat_xyzw(R: Array, *, canonical: bool = False) -> Array:
     return np.asarray(Rotation.from_matrix(R).as_quat(canonical=canonical) if len(R) else np.empty((0, 4)))
 
 
+def _refuse_first(wrong: ArrayLike, found: Callable[[int], str]) -> None:
+    """Raise `InputError` with what was `found` in the first row that is wrong."""
+    if np.any(wrong):
+        row = int(np.argmax(wrong))
+        raise InputError(f"orientation {row} is {found(row)}", row)
+
+
 def require_unit(quat_xyzw: Array) -> None:
     """Raise `InputError` as `from_quat_xyzw`."""
     with np.errstate(over="ignore"):
         length = np.linalg.norm(quat_xyzw, axis=1)
+    expected = "expected 1 within 1 %: check the order of its parts and that none is cut off"
     wrong = ~(np.abs(length - 1.0) <= ROTATION_TOLERANCE)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise InputError(
-            f"orientation {row} is a quaternion of length {length[row]:.6g}, expected 1 within 1 %: check the order of "
-            "its parts and that none is cut off",
-            row,
-        )
+    _refuse_first(wrong, lambda row: f"a quaternion of length {length[row]:.6g}, {expected}")
 
 
 def nearest_rotations(matrices: Array) -> Array:
@@ -92,14 +94,9 @@ def require_rotations(matrices: Array) -> float:
     """How far row-major matrices (n, 9) are from orthonormal at most. Raises `InputError` as `nearest_rotations`."""
     deviation, handedness = off_rotation(matrices)
     wrong = ~((deviation <= 2.0 * ROTATION_TOLERANCE) & (handedness > 0.0))
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise InputError(
-            f"orientation {row} is a matrix that is no rotation (columns off orthonormal by {deviation[row]:.3g}, "
-            f"determinant {handedness[row]:.3g}), expected orthonormal within 1 % and determinant 1: check the order "
-            "of its entries",
-            row,
-        )
+    expected = "expected orthonormal within 1 % and determinant 1: check the order of its entries"
+    off = f"a matrix that is no rotation (columns off orthonormal by {{:.3g}}, determinant {{:.3g}}), {expected}"
+    _refuse_first(wrong, lambda row: off.format(deviation[row], handedness[row]))
     return float(deviation.max(initial=0.0))
 
 
@@ -152,15 +149,9 @@ def _euler(letters: str) -> Callable[[Array], Array]:
 
 def require_whole_turn(angles: Array) -> None:
     """Raise `InputError` naming the first row of angles (n, k), rad, of which one is beyond a whole turn."""
-    beyond = np.abs(angles) > LONGEST_ROTATION_VECTOR
-    if beyond.any():
-        row = int(np.argmax(beyond.any(axis=1)))
-        widest = float(np.abs(angles[row]).max())
-        raise InputError(
-            f"orientation {row} is an angle of {widest:.6g} rad, expected at most a whole turn: if these are degrees, "
-            "read them with --units angle=deg",
-            row,
-        )
+    expected = "expected at most a whole turn: if these are degrees, read them with --units angle=deg"
+    beyond = (np.abs(angles) > LONGEST_ROTATION_VECTOR).any(axis=1)
+    _refuse_first(beyond, lambda row: f"an angle of {np.abs(angles[row]).max():.6g} rad, {expected}")
 
 
 def _from_rotation_vector(vectors: Array) -> Array:
@@ -169,14 +160,10 @@ def _from_rotation_vector(vectors: Array) -> Array:
 
     with np.errstate(over="ignore"):
         length = np.linalg.norm(vectors, axis=1)
+    whose = "say whose (--orientation yaskawa or staubli; contactwrench diagnose tells)"
+    expected = f"expected at most a whole turn: if these are angles in degrees, {whose}"
     wrong = ~(length <= LONGEST_ROTATION_VECTOR)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise InputError(
-            f"orientation {row} is a rotation vector of {length[row]:.6g} rad, expected at most a whole turn: if these "
-            "are angles in degrees, say whose (--orientation yaskawa or staubli; contactwrench diagnose tells)",
-            row,
-        )
+    _refuse_first(wrong, lambda row: f"a rotation vector of {length[row]:.6g} rad, {expected}")
     return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
 
 
@@ -188,14 +175,10 @@ def _from_column_major_pose(entries: Array) -> Array:
     """The rotations of 4 x 4 poses. A pose written row by row is refused: read by columns it would be the inverse."""
     poses = entries.reshape(-1, 4, 4).transpose(0, 2, 1)
     wrong = np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) > ROTATION_TOLERANCE
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        last = ", ".join(f"{entry:g}" for entry in poses[row, 3])
-        raise InputError(
-            f"orientation {row} is a pose with the last row {last}, expected 0, 0, 0, 1: check that its entries come "
-            "column by column",
-            row,
-        )
+    expected = "expected 0, 0, 0, 1: check that its entries come column by column"
+    _refuse_first(
+        wrong, lambda row: f"a pose with the last row {', '.join(f'{e:g}' for e in poses[row, 3])}, {expected}"
+    )
     return nearest_rotations(poses[:, :3, :3])
 
 
