@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from contactwrench.geometry.arrays import Array
+from contactwrench.geometry.quaternions import Quat
 from contactwrench_ros import session
 from contactwrench_ros.chain import Transform
 from contactwrench_ros.monitoring import ERROR, OK, WARN
@@ -28,14 +30,27 @@ def turned(t: float) -> Rotation:
     return Rotation.from_rotvec(0.75 * np.sin(1.2 * t) * np.array([0.6, 0.0, 0.8])) * TURN
 
 
+@cache
+def free_then(t: float) -> Array:
+    """What a free tool reads at `t` s."""
+    return free(turned(t))
+
+
+@cache
+def quats(t: float) -> tuple[Quat, Quat, Quat]:
+    """Of the flange in the base, and by way of an elbow, at `t` s."""
+    elbow = Rotation.from_rotvec([0.0, 0.3 * np.sin(t), 0.0])
+    return quat(turned(t)), quat(elbow), quat(elbow.inv() * turned(t))
+
+
 def tell(session: Session, source: str, t: float, stamp: float) -> None:
     """The pose at `t` s of the recording; of tf in two messages, as two publishers send it."""
+    whole, elbow, beyond = quats(t)
     if source == "pose":
-        session.pose(Pose(stamp, quat(turned(t)), ONCE))
+        session.pose(Pose(stamp, whole, ONCE))
         return
-    elbow = Rotation.from_rotvec([0.0, 0.3 * np.sin(t), 0.0])
-    session.transforms([Transform("base_link", "elbow", stamp, quat(elbow), ONCE)], False)
-    session.transforms([Transform("elbow", "tool0", stamp, quat(elbow.inv() * turned(t)), ONCE)], False)
+    session.transforms([Transform("base_link", "elbow", stamp, elbow, ONCE)], False)
+    session.transforms([Transform("elbow", "tool0", stamp, beyond, ONCE)], False)
 
 
 def events(late: int) -> Iterator[tuple[float, bool]]:
@@ -56,7 +71,7 @@ def felt(session: Session, by: float, source: str = "tf", late: int = 1, only: s
         stamp = T0 + at - by * (at >= STEP) * (only in ("", kind))
         if is_pose:
             tell(session, source, at, stamp)
-        elif (found := session.read(stamp, free(turned(at)))) is not None:
+        elif (found := session.read(stamp, free_then(at))) is not None:
             t.append(at)
             force.append(float(np.linalg.norm(found[:3])))
     return np.array(t), np.array(force)
@@ -131,7 +146,7 @@ def test_poses_of_a_second_publisher_that_are_late_are_passed_over(late: float, 
             tell(session, "tf", t, T0 + t)
         if k % 5 == 1 and t > late:
             tell(session, "tf", t - late, T0 + t - late)
-        found.append(session.read(T0 + t - 0.04, free(turned(t - 0.04))))
+        found.append(session.read(T0 + t - 0.04, free_then(t - 0.04)))
     assert all(wrench is not None and np.linalg.norm(wrench[:3]) < 0.3 for wrench in found[200:])
     assert session.tally.backs == 0
 
@@ -142,9 +157,9 @@ def test_readings_that_are_sent_again_are_no_clock_that_was_set_back(saved: str)
         t = 0.002 * k
         if k % 5 == 0:
             tell(session, "tf", t, T0 + t)
-        found.append(session.read(T0 + t, free(turned(t))))
+        found.append(session.read(T0 + t, free_then(t)))
         if t > 0.5 and k % 10 == 3:
-            assert session.read(T0 + t - 0.3, free(turned(t - 0.3))) is None
+            assert session.read(T0 + t - 0.3, free_then(t - 0.3)) is None
     assert all(wrench is not None for wrench in found[20:])
     assert session.tally.backs == 0
     late = "reading: stamped 0.300 s before the last, expected them in order"
@@ -181,7 +196,7 @@ def test_what_has_no_stamp_is_said(saved: str) -> None:
     session = Session(settings(calibration=saved))
     for k in range(100):
         tell(session, "tf", 0.0, T0 + 0.01 * k)
-        assert session.read(0.0, free(turned(0.0))) is None
+        assert session.read(0.0, free_then(0.0)) is None
     status, none = (
         session.status(1.0),
         "it is stamped 0, expected the time of its measurement: let whoever sends it stamp it",
@@ -192,7 +207,7 @@ def test_what_has_no_stamp_is_said(saved: str) -> None:
     session = Session(settings(calibration=saved))
     for k in range(100):
         tell(session, "pose", 0.0, 0.0)
-        assert session.read(T0 + 0.01 * k, free(turned(0.0))) is None
+        assert session.read(T0 + 0.01 * k, free_then(0.0)) is None
     assert session.status(1.0).message.startswith(f"100 of 100 readings not compensated: orientation: {none}")
 
 
