@@ -53,6 +53,14 @@ def test_one_that_is_known_stated_made_up_for_or_lost_in_noise_is_not(
     assert said_of(delay, std, noise) == []
 
 
+def test_positions_that_are_there_are_not_asked_for() -> None:
+    rig, R, rng = example(3)
+    t, place = 5.0 * np.arange(float(len(R))), rng.normal(size=(len(R), 3))
+    samples = cw.Samples(noisy_readings(rig, R, 0.1 * NOISE, rng), R, t, place, delay=0.0, delay_std=0.05)
+    (text,) = [each.text for each in cw.calibrate(samples, "mount").findings if each.kind is Kind.DELAY_IN_DOUBT]
+    assert text.endswith(" N off; turn faster between the stops, or give compensate its --delay")
+
+
 def _clocks_apart(delay: float, std: float) -> list[str]:
     rig, R, rng = example(3)
     samples = cw.Samples(noisy_readings(rig, R, NOISE, rng), R, 5.0 * np.arange(float(len(R))))

@@ -69,6 +69,24 @@ def test_of_many_poses_only_sets_that_can_be_are_weighed(monkeypatch: pytest.Mon
     assert set(weighed) == {103, 60}
 
 
+def test_of_thousands_of_poses_a_few_numbers_of_outliers_are_weighed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """6,500 rows took minutes and gigabytes: each number of poses that may be left out, in one stack."""
+    sets: list[int] = []
+
+    def density(errors: Array, out: NDArray[np.bool_]) -> Array:
+        sets.append(len(out))
+        return log_density_outlying(errors, out)
+
+    monkeypatch.setattr(outliers, "log_density_outlying", density)
+    J, errors, rng = _problem(3, 3000)
+    wrong = rng.permutation(3000)[:417]
+    errors[wrong] += 30.0 * NOISE * rng.normal(size=(417, 6))
+    clean, _ = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13), 0.05)
+    assert max(sets) <= 261
+    assert (~clean)[wrong].mean() > 0.97
+    assert clean.sum() >= 3000 - 1.05 * 417
+
+
 def _problem(seed: int, n: int) -> tuple[Array, Array, np.random.Generator]:
     """Derivatives (n, 6, 13) and noise (n, 6) of a tool that is linearised at the truth."""
     rig, R, rng = example(seed, poses=n)

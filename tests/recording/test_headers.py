@@ -51,7 +51,7 @@ FOUND = {
     "ur_rtde_tcp_force": Header(
         refusal='found no wrench but "actual_TCP_force_0" and so on, what UR\'s controller makes of it, its payload '
         "subtracted already, expected the sensor's own reading: record ft_raw_wrench, or, recorded with a "
-        f"payload of 0 kg, take these with --wrench-columns {UR_FORCE} --wrench-frame base",
+        "payload of 0 kg, take these with --wrench-columns 'actual_TCP_force[0:6]' --wrench-frame base",
         flag={"wrench_columns": UR_FORCE},
     ),
     "ur_rtde_both": Header(),

@@ -10,7 +10,8 @@ import contactwrench as cw
 from contactwrench.errors import InputError
 from contactwrench.samples.samples import WrenchStream
 from tests.support.recordings import generic_rotations
-from tests.support.rigs import example, noisy
+from tests.support.rigs import NOISE, example, noisy
+from tests.support.world import Array, noisy_readings
 
 
 def fields(n: int = 4) -> dict[str, Any]:
@@ -107,7 +108,10 @@ LEAVE_OUT = "leave such samples out"
             with_value("wrench", (2, 1), np.nan),
             f"wrench in sample 2 is nan, expected -1e+09 to 1e+09 N or N m: {LEAVE_OUT}",
         ),
-        (with_value("t", (1,), np.inf), f"t in sample 1 is inf, expected -1e+19 to 1e+19 s: {LEAVE_OUT}"),
+        (
+            with_value("t", (1,), np.inf),
+            f"t in sample 1 is inf, expected -1e+19 to 1e+19 s: {LEAVE_OUT}",
+        ),
         (
             with_value("wrench", (3, 5), -1.5e9),
             f"wrench in sample 3 is -1.5e+09, expected -1e+09 to 1e+09 N or N m: {LEAVE_OUT}",
@@ -146,3 +150,45 @@ def test_infinities_of_both_signs_are_refused_without_a_warning() -> None:
     with pytest.raises(InputError, match="wrench in sample 1 is inf") as caught:
         cw.Samples(**values)
     assert caught.value.row == 1
+
+
+def test_times_that_are_no_seconds_are_refused() -> None:
+    """ns since 1970 were taken for s: 1,318 poses in place of 12 stops."""
+    orientations, readings = np.tile(np.eye(3), (3, 1, 1)), np.ones((3, 6))
+    unix: Any = 1.79e9 + np.arange(3)
+    assert len(cw.Samples(readings, orientations, unix)) == 3
+    for per_second in (1e3, 1e6, 1e9):
+        with pytest.raises(InputError) as refused:
+            cw.Samples(readings, orientations, (per_second * unix).astype(np.int64))
+        said = f"t is {per_second * 1.79e9:.6g} in sample 0, a time since 1970, expected s: divide it by {per_second:g}"
+        assert str(refused.value) == said
+
+
+class Frame:
+    """A table with named columns, as those of pandas and polars."""
+
+    def __init__(self, columns: list[str], values: Array) -> None:
+        self.columns, self.values = columns, values
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return self.values
+
+
+def framed(columns: str, values: Array) -> Any:
+    return Frame(columns.split(), values)
+
+
+def test_columns_in_another_order_are_refused() -> None:
+    rig, R, rng = example(3)
+    readings = noisy_readings(rig, R, NOISE, rng)
+    calibration = cw.calibrate(cw.Samples(framed("fx fy fz tx ty tz", readings), R), "mount")
+    assert calibration.compensate(framed("a b c d e f", readings), R).shape == readings.shape
+    for of_another in ("tx ty tz fx fy fz", "FX FZ FY TX TY TZ"):
+        turned = framed(of_another, readings)
+        said = f"wrench has columns {of_another.lower()}, expected fx fy fz tx ty tz: put them in this order"
+        with pytest.raises(InputError) as refused:
+            cw.Samples(turned, R)
+        assert str(refused.value) == said
+        with pytest.raises(InputError) as refused:
+            calibration.compensate(turned, R)
+        assert str(refused.value) == said

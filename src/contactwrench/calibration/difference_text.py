@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 SAME_GRAVITY = 1e-6
 """rad: two stated directions closer than this are one."""
 
+MOUNTED_ANEW = "the sensor slipped or was mounted anew, or the robot reports the orientation of another TCP"
 COPIED = "tool, mounting and base of both come from one calibration (--prior): that they are the same is no finding"
 WORDS = {
     "tool": "the tool",
@@ -86,11 +87,11 @@ def _mounting(change: Difference, group: GroupChange) -> str:
     if group.parameters == ("mounting_angle",):
         return "the sensor was mounted anew, on its other side: its z points along the flange's in one of the two only"
     if group.parameters == ("yaw",):
-        return f"the sensor slipped or was mounted anew: {_largest(group, slice(0, 1))} about its z"
+        return f"{MOUNTED_ANEW}: {_largest(group, slice(0, 1))} about its z"
     angle = np.rad2deg(change.mounting_angle or 0.0)
     about = ", ".join(f"{part:.2f}" for part in group.change / max(float(np.linalg.norm(group.change)), 1e-300))
     turned = f"turned by {angle:.3g} deg about ({about}) in sensor axes"
-    return f"the sensor slipped or was mounted anew: it is {turned} ({_improbable(group)})"
+    return f"{MOUNTED_ANEW}: it is {turned} ({_improbable(group)})"
 
 
 def _unresolved(groups: list[GroupChange], everything: GroupChange) -> str:

@@ -50,6 +50,8 @@ CONCENTRATIONS, FINALISTS = 2, 12
 MOST_CONCENTRATIONS = 20
 VARIANCE_PASSES = 3
 FEWEST_POSES = 5
+EACH, FURTHER = 200, 60
+"""Of so many poses that may be left out each number is looked at, and of more so many numbers, not thousands."""
 LogPrior: TypeAlias = Callable[[int, int], float]
 """Logarithm of the probability that of n poses a given set of k is left out."""
 
@@ -216,14 +218,16 @@ class _Trimmed:
         n = len(distance)
         place = np.empty(n, dtype=np.intp)
         place[np.argsort(-distance)] = np.arange(n)
-        log_priors = np.array([log_prior(n, out) for out in range(n // 2 + 1)])
-        k = np.flatnonzero(np.isfinite(log_priors))
+        each = min(n // 2, EACH)
+        k = np.unique(np.r_[: each + 1, np.geomspace(each, n // 2, FURTHER).astype(np.intp)])
+        log_priors = np.array([log_prior(n, out) for out in k.tolist()])
+        k, log_priors = k[np.isfinite(log_priors)], log_priors[np.isfinite(log_priors)]
         masks = place >= k[:, None]
         fits = self.fit(masks)
         log_variance = np.log(fits.variance)
         log_det = np.linalg.slogdet(fits.scaled)[1] + 2.0 * np.log(fits.unit).sum(axis=1)
         z = fits.left / np.sqrt(np.repeat(fits.variance, 3, axis=0).T[:, None])
-        density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0) + log_priors[k]
+        density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0) + log_priors
         density -= 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
         evidence = density - 0.5 * log_det - 1.5 * n * log_variance.sum(axis=0)
         best = int(np.argmax(evidence))

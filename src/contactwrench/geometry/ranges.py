@@ -72,3 +72,13 @@ HEIGHT, NEAR = Range(-10.0, 10.0, "m (is it in mm?)"), Range(0.01, 10.0, "m (is 
 """Of a motion that is planned: how long, how high the flange stays, how near to where it starts."""
 POSES, PUSHES = Range(1, 100), Range(0, 1000)
 EPISODE, SEED = Range(0, 1e15), Range(0, 1e15)
+
+UNIX_TIMES = Range(1e9, 4.2e9, "s")
+"""From 2001 to 2103. A thousand, a million or a milliard times as much is one in ms, us or ns; no clock that counts
+seconds gets there.
+"""
+
+
+def per_second(t: float) -> float:
+    """How many of a Unix time's unit, by its size, a second has; 1 of any other time."""
+    return next((each for each in (1e3, 1e6, 1e9) if UNIX_TIMES.least <= t / each <= UNIX_TIMES.most), 1.0)

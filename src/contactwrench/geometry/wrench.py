@@ -55,8 +55,16 @@ def unit_direction(direction: ArrayLike, name: str = "gravity") -> Array:
     return scaled / np.linalg.norm(scaled)
 
 
+def require_axes(wrench: object) -> None:
+    """Raise `InputError` for a table whose columns are named as the axes are, in another order."""
+    named = tuple(str(name).lower() for name in getattr(wrench, "columns", ()))
+    if named and named != WRENCH_AXES and set(named) == set(WRENCH_AXES):
+        raise InputError(f"wrench has columns {' '.join(named)}, expected fx fy fz tx ty tz: put them in this order")
+
+
 def wrench_rows(wrench: ArrayLike) -> tuple[NDArray[np.float64], bool]:
     """`wrench` as (n, 6) float64, and whether a single (6,) one was given. Raises `InputError` otherwise."""
+    require_axes(wrench)
     rows = numbers(wrench, "wrench")
     if rows.shape == (6,):
         return rows[None], True

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from ..geometry.orientation import nearest_rotations, rotation_matrices
-from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range
-from ..geometry.wrench import WRENCH_AXES
+from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range, per_second
+from ..geometry.wrench import WRENCH_AXES, require_axes
 
 ReadAs: TypeAlias = Mapping[str, str | int]
 """How a file was read, by the names of the options of reading."""
@@ -90,10 +90,13 @@ class Samples(Rows):
             shape = np.shape(self.R_base_flange)
         if hasattr(self.R_base_flange, "as_matrix") or shape[1:] == (4,):
             object.__setattr__(self, "R_base_flange", rotation_matrices(self.R_base_flange)[0])
+        require_axes(self.wrench)
         super().__post_init__()
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
         for name, within in ranges.items():
             _require_within(name, getattr(self, name), within)
+        if self.t is not None and len(self.t) and (per_s := per_second(float(self.t[0]))) > 1.0:
+            raise InputError(f"t is {self.t[0]:.6g} in sample 0, a time since 1970, expected s: divide it by {per_s:g}")
         if self.came is not None and (self.t is None or (self.came > self.t).any()):
             raise InputError("came is later than t, or there is no t, expected when the arm had come to rest: before t")
         object.__setattr__(self, "position", _known(self.position))

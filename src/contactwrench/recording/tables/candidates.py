@@ -217,7 +217,10 @@ def quoted(columns: Iterable[Candidate]) -> str:
 
 def as_listed(columns: Iterable[Candidate]) -> str:
     """The columns' names as an option takes them, in quotes where a shell needs them."""
-    names = ",".join(column.name for column in columns)
+    each = [column.name for column in columns]
+    stem, first = re.findall(r"^(.*?)_?(\d*)$", each[0])[0]
+    row = range(int(first or 0), int(first or 0) + len(each))
+    names = f"{stem}[{first}:{row.stop}]" if each == [f"{stem}_{k}" for k in row] else ",".join(each)
     return names if re.fullmatch(r"[\w.,/%-]*", names) else f"'{names}'"
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
-from ...geometry.ranges import LOAD_KG, TIME
+from ...geometry.ranges import LOAD_KG, TIME, per_second
 from ...samples.samples import LARGEST_READING, ReadAs
 from ...statistics import counted
 from . import csv, hdf5, parquet
@@ -28,10 +28,6 @@ from .roles import roles_of
 from .units import ANGLE
 
 SUFFIXES = (*csv.SUFFIXES, *parquet.SUFFIXES, *hdf5.SUFFIXES)
-UNIX_TIMES = (1e9, 4.2e9)
-"""s: from 2001 to 2103. A column `t` of a thousand, a million or a milliard times as much holds Unix times in ms, us or
-ns; no clock that counts seconds gets there.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,16 +223,12 @@ def _require(good: NDArray[np.bool_], values: Array, columns: Sequence[Column], 
 
 def in_seconds(t: Array, columns: Sequence[Column]) -> Array | None:
     """Times (n,) s of the columns (n, k) of times, whose sum they are, None where there are none; of a column without a
-    unit that is too large for seconds, as what it must be (see `UNIX_TIMES`).
+    unit that is too large for seconds, as what it must be.
     """
     if not columns:
         return None
     times: Array = t.sum(axis=1)
-    if not columns[0].unit and len(times):
-        for per_s in (1e3, 1e6, 1e9):
-            if UNIX_TIMES[0] * per_s <= times[0] <= UNIX_TIMES[1] * per_s:
-                return times / per_s
-    return times
+    return times if columns[0].unit or not len(times) else times / per_second(float(times[0]))
 
 
 def rotations(

@@ -50,7 +50,7 @@ class Payload(Frozen):
             f"({fixed(self.tool_mass, 6)} kg) with the sensor as stated ({fixed(self.mass - self.tool_mass, 6)} kg); "
             "the plate on the sensor's tool side is weighed with the tool, take it off --sensor-mass",
             "flange axes, here and in the flags, are those whose orientation was recorded: with a turned TCP set then, "
-            "the TCP's",
+            "the TCP's; where the robot reports torques about a TCP, --sensor-offset is how far off the flange that is",
             inertia,
             "for the robot's own motion, hand guiding and collision detection, and for a sensor inside it; from the "
             "readings of a sensor outside nothing is subtracted, and its bias is not in here",
