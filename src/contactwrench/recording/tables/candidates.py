@@ -218,9 +218,8 @@ def quoted(columns: Iterable[Candidate]) -> str:
 def as_listed(columns: Iterable[Candidate]) -> str:
     """The columns' names as an option takes them, in quotes where a shell needs them."""
     each = [column.name for column in columns]
-    stem, first = re.findall(r"^(.*?)_?(\d*)$", each[0])[0]
-    row = range(int(first or 0), int(first or 0) + len(each))
-    names = f"{stem}[{first}:{row.stop}]" if each == [f"{stem}_{k}" for k in row] else ",".join(each)
+    stem, n = "".join(each[:1]).removesuffix("_0"), len(each)
+    names = f"{stem}[0:{n}]" if n > 1 and each == [f"{stem}_{k}" for k in range(n)] else ",".join(each)
     return names if re.fullmatch(r"[\w.,/%-]*", names) else f"'{names}'"
 
 
