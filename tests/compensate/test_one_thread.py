@@ -56,7 +56,7 @@ def together(*jobs: Callable[[], None]) -> None:
 
 @pytest.mark.parametrize("fast", STEPS)
 def test_two_threads_are_given_their_own_readings_or_refused(fast: bool) -> None:
-    shared = cw.Compensator(CALIBRATION, noise=NOISE, fast=fast)  # what is refused is a sample lost: at no even rate
+    shared = compensator(fast)
     wrong: list[object] = []
     free, stamps = CALIBRATION.predict(AT_REST), count()
 

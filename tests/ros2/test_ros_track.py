@@ -65,16 +65,6 @@ def test_an_orientation_that_is_not_known_is_none() -> None:
     assert str(track.at(1.5, 0.1)) == "orientation: none for 1.000 s, expected one every 0.1 s"
 
 
-def test_before_a_gap_an_orientation_is_as_if_the_next_were_not_known() -> None:
-    track, q = Track(), [quat(Rotation.from_rotvec([0.0, angle, 0.0])) for angle in (0.0, 0.01, 1.0)]
-    track.hear(1.00, q[0])
-    track.hear(1.01, q[1])
-    then = track.at(1.02, 0.1)
-    track.hear(1.50, q[2])
-    assert track.at(1.02, 0.1) == then == pytest.approx(quat(Rotation.from_rotvec([0.0, 0.02, 0.0])))
-    assert isinstance(track.at(1.12, 0.1), Reason)
-
-
 @pytest.mark.parametrize("bad", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.1), (float("nan"), 0.0, 0.0, 1.0)])
 def test_what_is_no_orientation_is_passed_over(bad: Quat) -> None:
     assert not Track().hear(0.0, bad)

@@ -160,7 +160,7 @@ def test_times_that_are_no_seconds_are_refused() -> None:
     for per_second in (1e3, 1e6, 1e9):
         with pytest.raises(InputError) as refused:
             cw.Samples(readings, orientations, (per_second * unix).astype(np.int64))
-        said = f"t is {per_second * 1.79e9:.6g} in sample 0, a time since 1970, expected s: divide it by {per_second:g}"
+        said = f"t is up to {per_second * 1.79e9:.6g}, a time since 1970, expected s: divide it by {per_second:,.0f}"
         assert str(refused.value) == said
 
 
@@ -183,6 +183,9 @@ def test_columns_in_another_order_are_refused() -> None:
     readings = noisy_readings(rig, R, NOISE, rng)
     calibration = cw.calibrate(cw.Samples(framed("fx fy fz tx ty tz", readings), R), "mount")
     assert calibration.compensate(framed("a b c d e f", readings), R).shape == readings.shape
+    no_names: Any = Frame([], readings)
+    no_names.columns = None
+    assert len(cw.Samples(no_names, R)) == len(R)
     for of_another in ("tx ty tz fx fy fz", "FX FZ FY TX TY TZ"):
         turned = framed(of_another, readings)
         said = f"wrench has columns {of_another.lower()}, expected fx fy fz tx ty tz: put them in this order"

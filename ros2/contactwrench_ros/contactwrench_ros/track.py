@@ -97,7 +97,7 @@ class Track:
 
     def at(self, t: float, stale_after: float) -> Quat | Reason:
         """The orientation at a time, s, or why it is not known: between two that are at most `stale_after` apart along
-        the shortest turn; else as long after the one before, with the turn carried on for no longer than it was seen.
+        the shortest turn, and as long after the last, with the turn carried on for no longer than it was seen.
         """
         times, quats = self.times, self._quats
         if not times:
@@ -105,16 +105,16 @@ class Track:
         after = bisect_right(times, t)
         if after == 0:
             return Reason(f"orientation: the oldest is {times[0] - t:.3f} s after the reading", STALE)
-        last = after - 1
-        age, gap = t - times[last], times[after] - times[last] if after < len(times) else inf
-        if gap <= stale_after:
-            return between(quats[last], quats[after], age / gap)
-        if age > stale_after:
-            old = f"the last is {age:.3f} s old, expected at most {stale_after:g} s"
-            missed = f"none for {gap:.3f} s, expected one every {stale_after:g} s"
-            return Reason(f"orientation: {missed if after < len(times) else old if times[last] else NO_STAMP}", STALE)
-        before = max(min(bisect_left(times, times[last] - LOOK_BACK), last - 1), 0)
-        seen = times[last] - times[before]
-        if not 0.0 < seen <= stale_after:
-            return quats[last]
-        return between(quats[before], quats[last], 1.0 + min(age / seen, 1.0))
+        if after == len(times):
+            if t - times[-1] > stale_after:
+                old = f"the last is {t - times[-1]:.3f} s old, expected at most {stale_after:g} s"
+                return Reason(f"orientation: {old if times[-1] else NO_STAMP}", STALE)
+            before = max(min(bisect_left(times, times[-1] - LOOK_BACK), after - 2), 0)
+            seen = times[-1] - times[before]
+            if not 0.0 < seen <= stale_after:
+                return quats[-1]
+            return between(quats[before], quats[-1], 1.0 + min((t - times[-1]) / seen, 1.0))
+        gap = times[after] - times[after - 1]
+        if gap > stale_after:
+            return Reason(f"orientation: none for {gap:.3f} s, expected one every {stale_after:g} s", STALE)
+        return between(quats[after - 1], quats[after], (t - times[after - 1]) / gap)

@@ -24,7 +24,7 @@ from .contact_detection import LEARN_FIRST, contact_so_far, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .delay import use_delay
 from .faults import BACK, SAME, measured_by, reason_of
-from .filters import LowPass, gains_of_poses, require_rate, use_low_pass
+from .filters import LowPass, gains_of_poses, use_low_pass
 from .inertia import use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import NOTHING_TOLD, TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
@@ -46,8 +46,8 @@ class Compensator:
 
     Args:
         calibration: of the tool and the sensor.
-        rate: Hz, `InputError` where the first 25 stamps have another; None: theirs (`InputError` where a cut-off is
-            too high for it), nothing filtered until then.
+        rate: Hz; None: from the first 25 stamps (`InputError` where a cut-off is too high for it), nothing filtered
+            until then.
         noise: std (6,) of one sample, N and N m, or one number, N, that stands for as many N m at a lever of 5 cm; or a
             recording (n, 6) at rest or, compensated, of free motion; None: the calibration's `still_noise`, or, where
             it has none, learned from the first second of samples, which are taken for free.
@@ -122,7 +122,6 @@ class Compensator:
         self._use_noise(None)
         if self._rate is not None:
             self._use_rate(self._rate)
-            self._runner.state.stamps = 0  # they have to agree
         vars(self).pop("owner", None)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -268,12 +267,8 @@ class Compensator:
             self._last_contact = contact_so_far(s, self._noise, float(s.release))
         if events & RATE_FOUND:
             s.stamps = 0  # looked for again where no filter takes this rate
-            if self._rate is None:
-                self._use_rate(len(s.intervals) / float(np.sum(s.intervals)))
-                s.fresh = WHOLLY
-            else:
-                require_rate(self._rate, s.intervals)
-                s.stamps = INTERVALS
+            self._use_rate(len(s.intervals) / float(np.sum(s.intervals)))
+            s.fresh = WHOLLY
         if events & NOISE_LEARNED:
             s.knows_noise, self._noise = True, of_pairs(np.array(s.means) // 2.0, np.array(s.squares))
             poses_differ_by(s, between_poses(self._calibration, self._noise.white))

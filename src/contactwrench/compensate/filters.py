@@ -22,8 +22,6 @@ LEAST_SHARE_OF_RATE = 1e-6
 """Below, the coefficients of a filter of order 4 are those of none: their last digits decide."""
 SETTLED = 4.0
 """Times as long as it takes to settle, nothing is left of an impulse."""
-OTHER_RATE = 1.3
-"""Times a rate that is stated, from which on that of the stamps is another: a cut-off is off by as much."""
 
 
 @dataclass(frozen=True)
@@ -81,14 +79,6 @@ class LowPass:
     def settles_in(self, rate: float) -> int:
         """Samples, after which 1 % is left of how it was started: a period of the cut-off for each order."""
         return 2 + ceil(max(self.order, 1) * rate / self.cutoff)
-
-
-def require_rate(stated: float, intervals: Row) -> None:
-    """Raise `InputError` where samples come at another rate, Hz, than `stated`: a stall or a burst is none."""
-    found = 1.0 / np.maximum([np.median(intervals), np.mean(intervals)], 1e-12)
-    if found.min() > OTHER_RATE * stated or found.max() < stated / OTHER_RATE:
-        came = f"and the first {len(intervals) + 1} samples came at {found[0]:.4g} Hz"
-        raise InputError(f"rate is {stated:g} Hz, {came}: state the rate of the samples, or leave it out")
 
 
 def least_rows(sections: Array) -> int:

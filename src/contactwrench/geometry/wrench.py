@@ -5,6 +5,8 @@ A wrench is `[fx fy fz tx ty tz]`, N and N m, what tool and environment exert ON
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -57,7 +59,8 @@ def unit_direction(direction: ArrayLike, name: str = "gravity") -> Array:
 
 def require_axes(wrench: object) -> None:
     """Raise `InputError` for a table whose columns are named as the axes are, in another order."""
-    named = tuple(str(name).lower() for name in getattr(wrench, "columns", ()))
+    columns = getattr(wrench, "columns", None)
+    named = tuple(str(name).lower() for name in columns) if isinstance(columns, Iterable) else ()
     if named and named != WRENCH_AXES and set(named) == set(WRENCH_AXES):
         raise InputError(f"wrench has columns {' '.join(named)}, expected fx fy fz tx ty tz: put them in this order")
 

@@ -95,8 +95,9 @@ class Samples(Rows):
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
         for name, within in ranges.items():
             _require_within(name, getattr(self, name), within)
-        if self.t is not None and len(self.t) and (per_s := per_second(float(self.t[0]))) > 1.0:
-            raise InputError(f"t is {self.t[0]:.6g} in sample 0, a time since 1970, expected s: divide it by {per_s:g}")
+        latest = 0.0 if self.t is None else float(self.t.max(initial=0.0))
+        if (per_s := per_second(latest)) > 1.0:
+            raise InputError(f"t is up to {latest:.6g}, a time since 1970, expected s: divide it by {per_s:,.0f}")
         if self.came is not None and (self.t is None or (self.came > self.t).any()):
             raise InputError("came is later than t, or there is no t, expected when the arm had come to rest: before t")
         object.__setattr__(self, "position", _known(self.position))
