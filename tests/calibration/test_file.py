@@ -1,6 +1,8 @@
 """The calibration file: every number comes back exactly, and whatever contradicts itself is refused by name."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import cache
@@ -16,6 +18,7 @@ from contactwrench.calibration.observability import Observability
 from contactwrench.errors import FileAccessError, FileFormatError
 from contactwrench.samples.poses import Pose, PoseMoments, moments_of_poses
 from tests.support.recordings import PANDA, PAPER, written
+from tests.support.rigs import example, noisy
 
 MODELS = ("paper", "yaw", "mount", "mount+base", "affine")
 AGAIN = "calibrate again or restore the file"
@@ -328,3 +331,33 @@ def test_a_folder_and_a_missing_file(tmp_path: Path) -> None:
         with pytest.raises(FileAccessError) as caught:
             cw.Calibration.load(path)
         assert str(caught.value) == f"{path}: {why}"
+
+
+IN_THREADS = """
+import sys
+from threading import Barrier, Thread
+import contactwrench as cw
+cw.Calibration
+sys.setswitchinterval(1e-6)
+together = Barrier(8)
+def load():
+    together.wait()
+    loaded.append(cw.Calibration.load(sys.argv[1]))
+loaded = []
+threads = [Thread(target=load) for _ in range(8)]
+for thread in threads: thread.start()
+for thread in threads: thread.join()
+assert len(loaded) == 8
+"""
+
+
+def test_threads_may_load_at_the_same_time(tmp_path: Path) -> None:
+    """In half of such processes the first loads ended in a segmentation fault."""
+    path = tmp_path / "tool.json"
+    rig, R, rng = example(3)
+    cw.calibrate(noisy(rig, R, rng), "mount").save(path)
+    for _ in range(4):
+        done = subprocess.run(
+            [sys.executable, "-c", IN_THREADS, str(path)], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr

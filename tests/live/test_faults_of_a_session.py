@@ -201,9 +201,13 @@ def _pair(device: Device, signal: Swinging) -> tuple[dict[str, Any], dict[str, s
     return {device.role: fake, other: partner}, {device.role: device.options, other: "?rate=125"}
 
 
+SNAPSHOTS = msgspec.json.Decoder(Snapshot)
+"""Made once: threads in which msgspec looks at a type for the first time end in a segmentation fault."""
+
+
 def _shown(chain: Chain, uri: str) -> Shown:
     """The device as a person sees it."""
-    snapshot = msgspec.json.decode(chain.snapshot, type=Snapshot)
+    snapshot = SNAPSHOTS.decode(chain.snapshot)
     return next(each for each in snapshot.devices if each.uri == uri)
 
 

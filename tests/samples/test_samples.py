@@ -108,10 +108,7 @@ LEAVE_OUT = "leave such samples out"
             with_value("wrench", (2, 1), np.nan),
             f"wrench in sample 2 is nan, expected -1e+09 to 1e+09 N or N m: {LEAVE_OUT}",
         ),
-        (
-            with_value("t", (1,), np.inf),
-            f"t in sample 1 is inf, expected -1e+19 to 1e+19 s: {LEAVE_OUT}",
-        ),
+        (with_value("t", (1,), np.inf), f"t in sample 1 is inf, expected -1e+19 to 1e+19 s: {LEAVE_OUT}"),
         (
             with_value("wrench", (3, 5), -1.5e9),
             f"wrench in sample 3 is -1.5e+09, expected -1e+09 to 1e+09 N or N m: {LEAVE_OUT}",

@@ -6,6 +6,7 @@ import codecs
 import json
 from dataclasses import fields
 from pathlib import Path
+from threading import Lock
 from typing import Any, TypeVar, get_args
 
 import msgspec
@@ -21,6 +22,7 @@ from .findings import Kind, Severity
 SCHEMA = "contactwrench/calibration/1"
 _FAMILY, _, _NUMBER = SCHEMA.rpartition("/")
 _AGAIN = "calibrate again or restore the file"
+_ONE_AT_A_TIME = Lock()  # msgspec 0.22 crashes where two threads look at a type for the first time
 
 Form = TypeVar("Form", bound=CalibrationFields)
 
@@ -60,8 +62,9 @@ def load(path: str | Path, form: type[Form]) -> Form:
         remedy = "upgrade contactwrench" if newer else _AGAIN
         raise FileFormatError(f"{path}: found schema {repr(schema)[:60]}, expected {SCHEMA!r}: {remedy}")
     try:
-        derived = msgspec.convert(values, Derived, dec_hook=_array)
-        calibration = msgspec.convert(_with_findings(values, derived.warnings), form, dec_hook=_array)
+        with _ONE_AT_A_TIME:
+            derived = msgspec.convert(values, Derived, dec_hook=_array)
+            calibration = msgspec.convert(_with_findings(values, derived.warnings), form, dec_hook=_array)
     except msgspec.ValidationError as error:
         where = _whole_path(str(error))
         raise FileFormatError(f"{path}: {where}, expected a saved calibration: {_AGAIN}") from None

@@ -117,11 +117,10 @@ def of_delay(samples: Samples, estimate: Estimate) -> list[Finding]:
         return [Finding.doubtful(Kind.CLOCKS_APART, text)] if abs(delay) > TWO_CLOCKS else []
     late = float(np.hypot(delay, std))
     off = min(late * TURNING, 2.0) * estimate.weight_scale
-    places = "" if samples.position is not None else ", record positions too"
     text = (
         f"the delay between wrench and orientation is known within {two_digits(1e3 * late)} ms only, and not made up "
         f"for: while the arm turns at 60 deg/s contact forces may be {two_digits(off)} N off; turn faster between the "
-        f"stops{places}, or give compensate its --delay"
+        f"stops{', record positions too' * (samples.position is None)}, or give compensate its --delay"
     )
     matters = late > LATE and off > ALLOWED * float(np.linalg.norm(estimate.noise[:3]))
     return those_that_hold([(matters, WARNING, Kind.DELAY_IN_DOUBT, text)])

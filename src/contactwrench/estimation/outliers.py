@@ -51,7 +51,7 @@ MOST_CONCENTRATIONS = 20
 VARIANCE_PASSES = 3
 FEWEST_POSES = 5
 EACH, FURTHER = 200, 60
-"""Of so many poses that may be left out each number is looked at, and of more so many numbers, not thousands."""
+"""Up to so many poses that may be left out every number is tried; beyond, so many numbers, some 3 % apart."""
 LogPrior: TypeAlias = Callable[[int, int], float]
 """Logarithm of the probability that of n poses a given set of k is left out."""
 

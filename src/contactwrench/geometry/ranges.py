@@ -74,9 +74,7 @@ POSES, PUSHES = Range(1, 100), Range(0, 1000)
 EPISODE, SEED = Range(0, 1e15), Range(0, 1e15)
 
 UNIX_TIMES = Range(1e9, 4.2e9, "s")
-"""From 2001 to 2103. A thousand, a million or a milliard times as much is one in ms, us or ns; no clock that counts
-seconds gets there.
-"""
+"""From 2001 to 2103; in ms, us or ns a thousand times as much or more, where no clock that counts seconds gets."""
 
 
 def per_second(t: float) -> float:
