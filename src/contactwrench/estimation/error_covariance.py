@@ -75,21 +75,27 @@ class Turns:
         return self.reads[self.kept]
 
     @cached_property
-    def in_common(self) -> Array:
-        """What turns that are alike read, (m, 6, 2 m) N and N m, as independent parts of 1 rad, or none (m, 6, 0)."""
+    def root(self) -> Array | None:
+        """(2 m, 2 m), times its transpose how the turns of the poses kept are alike."""
+        both = np.repeat(self.kept, 2)
+        return None if self.alike is None else np.linalg.cholesky(self.alike[np.ix_(both, both)])
+
+    @cached_property
+    def as_columns(self) -> Array:
+        """What the turns of all poses read, (m, 6, 2 m) N and N m, as independent parts of 1 rad."""
         m = len(self.reads_of_kept)
-        if self.alike is None:
-            return np.zeros((m, 6, 0))
         each = np.zeros((m, 6, m, 2))
         each[range(m), :, range(m)] = self.reads_of_kept
-        both = np.repeat(self.kept, 2)
-        return each.reshape(m, 6, 2 * m) @ np.linalg.cholesky(self.alike[np.ix_(both, both)])
+        flat = each.reshape(m, 6, 2 * m)
+        return flat if self.root is None else flat @ self.root
 
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """The `base` of another cause, and orientations off by `turns` of `sd` rad an axis: of each pose alone, and of
-    columns that poses have in common, drift first (inversion lemma).
+    """The `base` of another cause, and orientations off by `turns` of `sd` rad an axis.
+
+    Noise and one of the two, drift or turns, are inverted `first`, as a drift treats all axes alike, and turns that are
+    not alike each pose for itself; the other is `columns` that poses have in common (inversion lemma).
     """
 
     base: AlikeOnAxes
@@ -108,92 +114,104 @@ class Turned:
 
     @cached_property
     def noise(self) -> Array:
-        """Standard deviations (6,), N and N m: `own_turns`, `columns` and what weighs them are in these units."""
+        """Standard deviations (6,), N and N m: `drift`, `own_turns`, `columns` and what weighs them are in these units."""
         return np.sqrt(self.base.variance)
 
     @cached_property
+    def drift(self) -> Array:
+        """Of the poses kept, (m, q), as independent parts of unit size."""
+        return self.base.strength * self.base.columns[self.base.kept]
+
+    @cached_property
     def own_turns(self) -> Array:
-        """Turns that each pose has for itself, (m, 6, 2), independent and of unit size; none, (m, 6, 0), if alike."""
-        own = self.sd * self.turns.reads_of_kept / self.noise[:, None]
-        return own if self.turns.alike is None else own[:, :, :0]
+        """What turns of each pose by their standard deviation read, (m, 6, 2)."""
+        return self.sd * self.turns.reads_of_kept / self.noise[:, None]
+
+    @cached_property
+    def drift_first(self) -> bool:
+        """Whether turns are what is left for the second step: those that are alike, or fewer than columns of a drift."""
+        m, q = self.drift.shape
+        return self.turns.alike is not None or 2 * m < 6 * q
+
+    @cached_property
+    def first_covariance(self) -> Array:
+        """Of noise and drift, (m, m), alike on all axes; or of noise and turns of each pose, (m, 6, 6)."""
+        relative = self.base.relative[self.base.kept]
+        if self.drift_first:
+            return np.diag(relative) + self.drift @ self.drift.T
+        return relative[:, None, None] * np.eye(6) + self.own_turns @ self.own_turns.transpose(0, 2, 1)
+
+    @cached_property
+    def first_precision(self) -> Array:
+        """Its inverse."""
+        return np.linalg.inv(self.first_covariance)
+
+    def first_times(self, values: Array) -> Array:
+        """That inverse times `values` (m, 6, k)."""
+        return np.tensordot(self.first_precision, values, 1) if self.drift_first else self.first_precision @ values
 
     @cached_property
     def columns(self) -> Array:
-        """What poses have in common, (m, 6, c), as independent parts of unit size: a drift on each axis, then turns."""
-        L = self.base.strength * self.base.columns[self.base.kept]
-        drift = (L[:, None, :, None] * np.eye(6)[:, None]).reshape(len(L), 6, 6 * L.shape[1])
-        return np.concatenate([drift, self.sd * self.turns.in_common / self.noise[:, None]], axis=2)
-
-    @cached_property
-    def _turns_precision(self) -> Array:
-        """Precision of each pose's own turns, given its reading, (m, 2, 2), or nothing, (m, 0, 0)."""
-        relative = self.base.relative[self.base.kept, None, None]
-        added: Array = self.own_turns.transpose(0, 2, 1) @ self.own_turns / relative
-        return np.asarray(added + np.eye(added.shape[1]))
-
-    @cached_property
-    def own_precision(self) -> Array:
-        """Of what each reading has for itself, noise and own turns, (m, 6, 6)."""
-        relative = self.base.relative[self.base.kept, None, None]
-        by_turns = self.own_turns @ np.linalg.inv(self._turns_precision) @ self.own_turns.transpose(0, 2, 1) / relative
-        return np.asarray((np.eye(6) - by_turns) / relative)
+        """What poses have in common beside, (m, 6, c), as independent parts of unit size: turns, or a drift on each axis."""
+        if self.drift_first:
+            return self.sd * self.turns.as_columns / self.noise[:, None]
+        m, q = self.drift.shape
+        return (self.drift[:, None, :, None] * np.eye(6)[:, None]).reshape(m, 6, 6 * q)
 
     @cached_property
     def weighted_columns(self) -> Array:
-        """`own_precision columns`, (m, 6, c)."""
-        return self.own_precision @ self.columns
+        """That inverse times the `columns`, (m, 6, c)."""
+        return self.first_times(self.columns)
 
     @cached_property
     def left_in_common(self) -> Array:
         """Covariance (c, c) of the parts of unit size that poses have in common, given their readings."""
-        m, _, c = self.columns.shape
-        of_readings = self.columns.reshape(6 * m, c).T @ self.weighted_columns.reshape(6 * m, c)
-        return np.asarray(np.linalg.inv(np.eye(c) + of_readings))
+        return np.asarray(np.linalg.inv(np.eye(self.columns.shape[2]) + self._pull(self.weighted_columns)))
 
-    def pull(self, weighted: Array) -> Array:
-        """What `weighted` readings (m, 6, k) pull at what poses have in common with, (c, k), its parts of unit size."""
+    def _pull(self, weighted: Array) -> Array:
+        """What `weighted` readings (m, 6, k) pull at the `columns` with, (c, k)."""
         m, _, c = self.columns.shape
-        flat = (weighted * self.noise[:, None]).reshape(6 * m, weighted.shape[2])
-        return np.asarray(self.columns.reshape(6 * m, c).T @ flat)
+        return np.asarray(self.columns.reshape(6 * m, c).T @ weighted.reshape(6 * m, -1))
 
     def precision_times(self, values: Array) -> Array:
         """`V^-1 values` of the poses kept, (m, 6, k)."""
-        weighted = self.own_precision @ (values / self.noise[:, None]) / self.noise[:, None]
-        in_common = self.weighted_columns @ (self.left_in_common @ self.pull(weighted))
-        return np.asarray(weighted - in_common / self.noise[:, None])
+        weighted = self.first_times(values / self.noise[:, None])
+        in_common = self.weighted_columns @ (self.left_in_common @ self._pull(weighted))
+        return np.asarray((weighted - in_common) / self.noise[:, None])
 
     def along_drift(self, weighted: Array) -> Array:
         """What `weighted` readings (m, 6, k) pull at a drift with, (q, 6, k): each column of it on each axis."""
-        return self.pull(weighted)[: self._of_drift].reshape(-1, 6, weighted.shape[2])
+        return np.asarray(np.tensordot(self.drift.T, weighted * self.noise[:, None], 1))
 
     def along_turns(self, weighted: Array) -> Array:
-        """What `weighted` readings (m, 6, k) pull at all turns with, (2 m, k), in common or each pose's own."""
+        """What `weighted` readings (m, 6, k) pull at all turns with, (2 m, k), as independent parts."""
         own = self.own_turns.transpose(0, 2, 1) @ (weighted * self.noise[:, None])
-        own = own.reshape(own.shape[1] * len(own), weighted.shape[2])
-        return np.concatenate([self.pull(weighted)[self._of_drift :], own])
-
-    @property
-    def _of_drift(self) -> int:
-        """How many of the columns are a drift's."""
-        return 6 * int(self.base.columns.shape[1])
+        flat = own.reshape(-1, weighted.shape[2])
+        return flat if self.turns.root is None else self.turns.root.T @ flat
 
     @property
     def dof_of_drift(self) -> Array:
-        """Degrees of freedom of a drift's parts (q, 6), were the tool known."""
-        return 1.0 - np.diag(self.left_in_common)[: self._of_drift].reshape(-1, 6)
+        """Degrees of freedom of a drift on each axis (6,), were the tool known."""
+        if not self.drift_first:
+            return np.asarray(np.sum(1.0 - np.diag(self.left_in_common).reshape(-1, 6), axis=0))
+        pulled = np.tensordot(self.drift.T, self.weighted_columns, 1)
+        alone = np.sum(self.drift * (self.first_precision @ self.drift))
+        return np.asarray(alone - np.sum((pulled @ self.left_in_common) * pulled, axis=(0, 2)))
 
     @property
     def dof_of_turns(self) -> float:
         """Degrees of freedom of all turns, were the tool known."""
+        if self.drift_first:
+            return float(np.sum(1.0 - np.diag(self.left_in_common)))
         of_own = self.own_turns * (self.precision_blocks * np.outer(self.noise, self.noise) @ self.own_turns)
-        return float(np.sum(1.0 - np.diag(self.left_in_common)[self._of_drift :])) + float(np.sum(of_own))
+        return float(np.sum(of_own))
 
     @cached_property
     def precision_blocks(self) -> Array:
         """The blocks (m, 6, 6) of V^-1 on its diagonal."""
-        W = self.weighted_columns
-        blocks = self.own_precision - (W @ self.left_in_common) @ W.transpose(0, 2, 1)
-        return np.asarray(blocks / np.outer(self.noise, self.noise))
+        W, first = self.weighted_columns, self.first_precision
+        blocks = np.diag(first)[:, None, None] * np.eye(6) if self.drift_first else first
+        return np.asarray((blocks - (W @ self.left_in_common) @ W.transpose(0, 2, 1)) / np.outer(self.noise, self.noise))
 
     def constant(self, values: Array) -> tuple[Array, Array]:
         """The constant (6, k) nearest to `values` (m, 6, k), and the covariance (6, 6) of one that errors leave."""
@@ -205,9 +223,9 @@ class Turned:
     @property
     def log_determinant(self) -> float:
         """Of V of the poses kept."""
-        of_noise = 6.0 * np.log(self.base.relative[self.base.kept]) + np.sum(np.log(self.base.variance))
-        of_each = of_noise + np.linalg.slogdet(self._turns_precision)[1]
-        return float(np.sum(of_each) - np.linalg.slogdet(self.left_in_common)[1])
+        of_first = np.sum(np.linalg.slogdet(self.first_covariance)[1]) * (6.0 if self.drift_first else 1.0)
+        of_noise = len(self.columns) * np.sum(np.log(self.base.variance))
+        return float(of_first + of_noise - np.linalg.slogdet(self.left_in_common)[1])
 
     def by_turns(self, weighted: Array) -> Array:
         """What all poses (n, 6) are known to be off by turns, beside what the `base` has in common, from `V^-1 errors`

@@ -114,8 +114,8 @@ def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Opti
     relative = base.relative[base.kept]
     spread = np.einsum("naa->na", V.precision_blocks) - np.sum((of_J @ covariance) * of_J, axis=2)
     along, turned = V.along_drift(of_J), V.along_turns(of_J)
-    of_drift = np.array([V.along_drift(left[..., None])[..., 0] ** 2, V.dof_of_drift]).sum(axis=1)
-    of_drift[1] -= np.sum((along @ covariance) * along, axis=(0, 2))
+    squares = np.sum(V.along_drift(left[..., None])[..., 0] ** 2, axis=0)
+    of_drift = np.array([squares, V.dof_of_drift - np.sum((along @ covariance) * along, axis=(0, 2))])
     dof = V.dof_of_turns - float(np.sum((turned @ covariance) * turned))
     turns = Component(float(np.sum(V.along_turns(left[..., None]) ** 2)), dof, *_half_normal(V.sd / USUAL))
     size = base.strength * base.of_forces / max(abs(linear.weight), 1e-12)
@@ -165,8 +165,8 @@ def along_axes(found: Optimum, L: Array) -> Array:
     V = found.V
     W, known = _in_common(V, found.weighted, found.covariance)
     W = W.transpose(1, 0, 2)
-    own = np.einsum("maa->am", V.own_precision)[:, :, None]
-    return np.asarray((own * L - W @ (known @ (W.transpose(0, 2, 1) @ L))) / V.base.variance[:, None, None])
+    first = V.first_precision @ L if V.drift_first else np.einsum("maa->am", V.first_precision)[:, :, None] * L
+    return np.asarray((first - W @ (known @ (W.transpose(0, 2, 1) @ L))) / V.base.variance[:, None, None])
 
 
 def _in_common(V: Turned, weighted: Array, covariance: Array) -> tuple[Array, Array]:
@@ -227,31 +227,50 @@ def log_spread(V: Turned, J: Array, information: Array) -> Array:
     """Covariance (7, 7) of the logarithms of the axes' variances, and of the turns': they share what is left, so that
     each is known less well than alone (`NoiseModel.log_spread`). J (m, 6, p), `information` (p, p) of the parameters.
 
-    V is a sum of z z^T, each of one of the seven variances: an entry of Fisher's information is half the sum of
-    (z^T P z')^2 over the z of one and the z' of the other. P is own blocks less `W known W^T`, of few columns.
+    V is a sum of seven parts of a variance each: an entry of Fisher's information is half the trace of P V_i P V_k. P is
+    what is inverted first less `W known W^T`, of few columns.
     """
-    m, _, c = V.columns.shape
     W, known = _in_common(V, V.precision_times(J), inverse_of(information))
-    root = np.sqrt(V.base.relative[V.base.kept])[:, None, None]
-    each = np.concatenate([root * np.eye(6), V.own_turns], axis=2)  # the z (m, 6, k) that each pose has for itself
-    of_each, k = each.transpose(0, 2, 1) @ W, each.shape[2]
-    own = each.transpose(0, 2, 1) @ V.own_precision @ each
-    products = known @ (of_each.transpose(1, 2, 0) @ of_each.transpose(1, 0, 2))  # (k, r, r)
-    of_columns = V.columns.reshape(6 * m, c).T @ W.reshape(6 * m, -1)
-    across = V.weighted_columns.transpose(0, 2, 1) @ each - of_columns @ known @ of_each.transpose(0, 2, 1)
-    within = of_columns[:, :c] - of_columns @ known @ of_columns.T
-    q = V.base.columns.shape[1]
-    of_which = np.r_[np.arange(6), np.full(k - 6, 6), np.tile(np.arange(6), q), np.full(c - 6 * q, 6)]
-    one = np.eye(7)[of_which]
-    squares = np.zeros((k + c, k + c))
-    squares[:k, :k] = np.sum(own * (own - 2.0 * of_each @ known @ of_each.transpose(0, 2, 1)), axis=0)
-    squares[:k, :k] += np.tensordot(products, products.transpose(0, 2, 1), ((1, 2), (1, 2)))
-    squares[k:, :k] = np.sum(across**2, axis=0)
-    squares[:k, k:], squares[k:, k:] = squares[k:, :k].T, within**2
-    fisher = 0.5 * one.T @ squares @ one
+    fisher = 0.5 * (_of_pairs_drift_first(V, W, known) if V.drift_first else _of_pairs_turns_first(V, W, known))
     fisher[:6, :6] += OFF_GROUP / ALIKE**2
     fisher[6, 6] += 0.5 * (V.sd / USUAL) ** 2
     return np.asarray(np.linalg.inv(fisher + LEAST_DOF * np.eye(7)))
+
+
+def _of_pairs_drift_first(V: Turned, W: Array, known: Array) -> Array:
+    """The traces (7, 7), where an axis has the same K, of noise and drift, as the others."""
+    K, m = V.first_covariance, len(W)
+    of_axes = W.transpose(1, 0, 2)
+    shared = known @ (of_axes.transpose(0, 2, 1) @ (K @ of_axes))
+    of_turns = V.weighted_columns - W @ (known @ np.tensordot(W, V.columns, ((0, 1), (0, 1))))  # P times the turns
+    traces = np.zeros((7, 7))
+    traces[:6, :6] = np.einsum("aij,bji->ab", shared, shared)
+    traces[range(6), range(6)] += m - 2.0 * np.trace(shared, axis1=1, axis2=2)
+    traces[:6, 6] = traces[6, :6] = np.sum(of_turns * np.tensordot(K, of_turns, 1), axis=(0, 2))
+    traces[6, 6] = np.sum(np.tensordot(V.columns, of_turns, ((0, 1), (0, 1))) ** 2)
+    return traces
+
+
+def _of_pairs_turns_first(V: Turned, W: Array, known: Array) -> Array:
+    """The same where V is a sum of z z^T, some of one pose each: the sums of (z^T P z')^2 over the z of one part and the
+    z' of another.
+    """
+    (m, q), c = V.drift.shape, V.columns.shape[2]
+    root = np.sqrt(V.base.relative[V.base.kept])[:, None, None]
+    each = np.concatenate([root * np.eye(6), V.own_turns], axis=2)  # the z (m, 6, 8) that each pose has for itself
+    of_each = each.transpose(0, 2, 1) @ W
+    own = each.transpose(0, 2, 1) @ V.first_precision @ each
+    products = known @ (of_each.transpose(1, 2, 0) @ of_each.transpose(1, 0, 2))  # (8, r, r)
+    of_columns = V.columns.reshape(6 * m, c).T @ W.reshape(6 * m, -1)
+    across = V.weighted_columns.transpose(0, 2, 1) @ each - of_columns @ known @ of_each.transpose(0, 2, 1)
+    within = of_columns[:, :c] - of_columns @ known @ of_columns.T
+    one = np.eye(7)[np.r_[np.arange(6), 6, 6, np.tile(np.arange(6), q)]]
+    squares = np.zeros((8 + c, 8 + c))
+    squares[:8, :8] = np.sum(own * (own - 2.0 * of_each @ known @ of_each.transpose(0, 2, 1)), axis=0)
+    squares[:8, :8] += np.tensordot(products, products.transpose(0, 2, 1), ((1, 2), (1, 2)))
+    squares[8:, :8] = np.sum(across**2, axis=0)
+    squares[:8, 8:], squares[8:, 8:] = squares[8:, :8].T, within**2
+    return np.asarray(one.T @ squares @ one)
 
 
 def inverse_of(information: Array) -> Array:
