@@ -78,7 +78,7 @@ class Turns:
     def root(self) -> Array | None:
         """(2 m, 2 m), times its transpose how the turns of the poses kept are alike."""
         both = np.repeat(self.kept, 2)
-        return None if self.alike is None else np.linalg.cholesky(self.alike[np.ix_(both, both)])
+        return None if self.alike is None else np.asarray(np.linalg.cholesky(self.alike[np.ix_(both, both)]))
 
     @cached_property
     def as_columns(self) -> Array:
@@ -114,7 +114,7 @@ class Turned:
 
     @cached_property
     def noise(self) -> Array:
-        """Standard deviations (6,), N and N m: `drift`, `own_turns`, `columns` and what weighs them are in these units."""
+        """Standard deviations (6,), N and N m: `drift`, `own_turns`, `columns` and what weighs them are in these."""
         return np.sqrt(self.base.variance)
 
     @cached_property
@@ -129,7 +129,7 @@ class Turned:
 
     @cached_property
     def drift_first(self) -> bool:
-        """Whether turns are what is left for the second step: those that are alike, or fewer than columns of a drift."""
+        """Whether turns are left for the second step: those that are alike, or fewer than a drift has columns."""
         m, q = self.drift.shape
         return self.turns.alike is not None or 2 * m < 6 * q
 
@@ -144,7 +144,7 @@ class Turned:
     @cached_property
     def first_precision(self) -> Array:
         """Its inverse."""
-        return np.linalg.inv(self.first_covariance)
+        return np.asarray(np.linalg.inv(self.first_covariance))
 
     def first_times(self, values: Array) -> Array:
         """That inverse times `values` (m, 6, k)."""
@@ -152,7 +152,7 @@ class Turned:
 
     @cached_property
     def columns(self) -> Array:
-        """What poses have in common beside, (m, 6, c), as independent parts of unit size: turns, or a drift on each axis."""
+        """The other of the two, (m, 6, c), as independent parts of unit size: turns, or a drift on each axis."""
         if self.drift_first:
             return self.sd * self.turns.as_columns / self.noise[:, None]
         m, q = self.drift.shape
@@ -211,7 +211,8 @@ class Turned:
         """The blocks (m, 6, 6) of V^-1 on its diagonal."""
         W, first = self.weighted_columns, self.first_precision
         blocks = np.diag(first)[:, None, None] * np.eye(6) if self.drift_first else first
-        return np.asarray((blocks - (W @ self.left_in_common) @ W.transpose(0, 2, 1)) / np.outer(self.noise, self.noise))
+        blocks = blocks - (W @ self.left_in_common) @ W.transpose(0, 2, 1)
+        return np.asarray(blocks / np.outer(self.noise, self.noise))
 
     def constant(self, values: Array) -> tuple[Array, Array]:
         """The constant (6, k) nearest to `values` (m, 6, k), and the covariance (6, 6) of one that errors leave."""

@@ -40,17 +40,17 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
         return [best]
     tables = {best.kept.tobytes(): best}
 
-    def tried(kept: NDArray[np.bool_], start: RigidTool, among: NDArray[np.intp] | None = None) -> Table:
+    def tried(kept: NDArray[np.bool_], start: Table, among: NDArray[np.intp] | None = None) -> Table:
         key = kept.tobytes()
         if key not in tables:
-            tables[key] = settled(problem, start, kept, hypotheses, among)
+            tables[key] = settled(problem, start.tool, kept, hypotheses, among, start)
         return tables[key]
 
     clean, on_a_level = _clean_poses(problem, best)
     for _ in range(3):
         if clean.all():
             break
-        rival = tried(clean, best.tool)
+        rival = tried(clean, best)
         again, _ = _clean_poses(problem, rival)
         best = max(best, rival, key=lambda table: table.log_evidence)
         if (again == clean).all():
@@ -61,7 +61,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     for start in sorted(tables.values(), key=lambda table: -table.log_evidence)[:starts]:
         now = start
         for _ in range(len(everything)):
-            flips = [tried(kept, now.tool, near) for kept in _flips(problem, now)]
+            flips = [tried(kept, now, near) for kept in _flips(problem, now)]
             better = max(flips, key=lambda table: table.log_evidence, default=now)
             if better.log_evidence <= now.log_evidence:
                 break
@@ -82,7 +82,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
         *(
             t
             if t.tool is first.tool and t.kernels is not problem.kernels  # of levels; others saw near kernels only
-            else table_at(replace(problem, kernels=t.kernels), first.tool, t.kept, hypotheses)
+            else table_at(replace(problem, kernels=t.kernels), first.tool, t.kept, hypotheses, t)
             for t in others
         ),
     ]

@@ -84,7 +84,13 @@ def _reading(tool: RigidTool, r: Array) -> Array:
 
 
 def likely_with(
-    linear: Linear, base: AlikeOnAxes, turns: Turns, kernels: Kernels, others: Members, among: NDArray[np.intp]
+    linear: Linear,
+    base: AlikeOnAxes,
+    turns: Turns,
+    kernels: Kernels,
+    others: Members,
+    among: NDArray[np.intp],
+    before: Members | None,
 ) -> list[tuple[int, Optimum]]:
     """The kernels that are likely with `turns` beside them, each with its optimum; none where no turns show.
 
@@ -95,26 +101,38 @@ def likely_with(
         kernels: of the table.
         others: its members without turns.
         among: the kernels to look at, a steady bias among them where there is one.
+        before: members with such turns of a table nearby: from there it is not far.
     """
+    nearby = {} if before is None else _optima(before, base, turns, kernels)
     steady = kernels.drift[among] == 0
     beside = {
         k: V
         for k, variance in _likely_alone(kernels, others).items()
-        if (V := _begun(linear, _with_drift(replace(base, variance=variance), kernels, k), turns)) is not None
+        if (V := nearby.get(int(kernels.drift[k])))
+        or (V := _begun(linear, _with_drift(replace(base, variance=variance), kernels, k), turns))
     }
     found: dict[int, tuple[int, Optimum]] = {}
-    begun = _begun(linear, base, turns)
-    if begun is not None:
+    if begun := nearby.get(0) or _begun(linear, base, turns):
         alone = at_optimum(linear, begun)
         if shows(alone.V):
             found = {int(kernels.drift[k]): (int(k), alone) for k in among[steady]}
             beside |= dict.fromkeys(_likely_beside(linear, alone, kernels, among[~steady]), alone.V)
     for k, V in beside.items():
-        start = replace(V, base=_with_drift(V.base, kernels, k))
+        start = nearby.get(int(kernels.drift[k])) or replace(V, base=_with_drift(V.base, kernels, k))
         optimum = at_optimum(linear, start, kernels.drifts[kernels.drift[k]])
         if shows(optimum.V):  # begun at two strengths, a drift comes to one
             found[int(kernels.drift[k])] = (k, optimum)
     return list(found.values())
+
+
+def _optima(members: Members, base: AlikeOnAxes, turns: Turns, kernels: Kernels) -> dict[int, Turned]:
+    """Where the members of each drift are, with `turns` of other poses or of another tool."""
+    found = {}
+    for k, variance, strength, sd in zip(members.kernel, members.variance, members.strength, members.turn, strict=True):
+        drift = int(kernels.drift[k])
+        own = replace(base, variance=variance, columns=kernels.drifts[drift].columns, strength=float(strength))
+        found[drift] = Turned(own, turns, float(sd))
+    return found
 
 
 def _with_drift(base: AlikeOnAxes, kernels: Kernels, k: int) -> AlikeOnAxes:

@@ -92,11 +92,11 @@ def table_at(
     tool: RigidTool,
     kept: NDArray[np.bool_],
     hypotheses: tuple[Hypothesis, ...],
-    among: NDArray[np.intp] | None = None,
+    nearby: Table | None = None,
 ) -> Table:
-    """All members that count, linearised at `tool`: of every kernel, or those `among` which to look."""
-    among = _seen(problem, kept, among)
-    return _weighed(problem, _with_turns(problem, _untouched(problem, tool, kept, hypotheses, among), among))
+    """All members that count, linearised at `tool`; `nearby` a table of the same kernels."""
+    among = _seen(problem, kept, None)
+    return _weighed(problem, _with_turns(problem, _untouched(problem, tool, kept, hypotheses, among), among, nearby))
 
 
 def _seen(problem: Problem, kept: NDArray[np.bool_], among: NDArray[np.intp] | None) -> NDArray[np.intp]:
@@ -138,7 +138,7 @@ def _untouched(
     return Table(tool, priors, hypotheses, kept, problem.kernels, _near(members))
 
 
-def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp]) -> Table:
+def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby: Table | None = None) -> Table:
     """The same, and the members in which the robot's orientation is off beside one of the kernels `among`."""
     if not problem.robot:
         return table
@@ -149,7 +149,8 @@ def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp]) -> Tabl
     log_odds, untouched = float(np.log(ODDS / len(problem.robot))), m
     for robot, alike in enumerate(problem.robot):
         turns = turns_across_gravity(tool, problem.R_base_flange, alike, kept)
-        for k, optimum in likely_with(linear, base, turns, problem.kernels, untouched, among):
+        before = None if nearby is None else nearby.members.select(nearby.members.robot == robot)
+        for k, optimum in likely_with(linear, base, turns, problem.kernels, untouched, among, before):
             own = optimum.V.base
             size = problem.kernels.log_plausible(np.array([k]), np.array([own.strength]), own.of_forces, tool.weight)
             log_prior = log_odds + float(size[0] + problem.kernels.log_prior[k])
@@ -221,19 +222,21 @@ def settled(
     kept: NDArray[np.bool_],
     hypotheses: tuple[Hypothesis, ...],
     among: NDArray[np.intp] | None = None,
+    nearby: Table | None = None,
 ) -> Table:
     """The table near the mean of its own members: where that makes no difference, it stays linearised at `tool`. Where
     it makes little, and is near, kernels that come nowhere near are not looked at again. Turns of the robot come last:
-    far from where the readings point, they would take up what is no error of it.
+    far from where the readings point, they would take up what is no error of it; they begin where a table `nearby` has
+    them.
     """
     table = _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among))
-    return _turns_last(problem, table, among)
+    return _turns_last(problem, table, among, nearby)
 
 
-def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> Table:
+def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None, nearby: Table | None = None) -> Table:
     """The table near its own mean, and then with turns."""
     table = _centred(replace(problem, robot=()), table, among)
-    turned = _with_turns(problem, table, _seen(problem, table.kept, among))
+    turned = _with_turns(problem, table, _seen(problem, table.kept, among), nearby)
     return _weighed(problem, _centred(problem, turned, among) if (turned.members.robot >= 0).any() else table)
 
 
@@ -261,7 +264,8 @@ def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> 
         std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
         anew = bent > BENT or float(np.max(np.abs(step) / std)) > LONG_WAY
         near = _seen(problem, table.kept, among if anew else near_kernels([table]))
-        table = _with_turns(problem, _untouched(problem, moved, table.kept, table.hypotheses, near), near)
+        untouched = _untouched(problem, moved, table.kept, table.hypotheses, near)
+        table = _with_turns(problem, untouched, near, None if anew else table)
     return table
 
 

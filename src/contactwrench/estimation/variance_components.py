@@ -227,8 +227,8 @@ def log_spread(V: Turned, J: Array, information: Array) -> Array:
     """Covariance (7, 7) of the logarithms of the axes' variances, and of the turns': they share what is left, so that
     each is known less well than alone (`NoiseModel.log_spread`). J (m, 6, p), `information` (p, p) of the parameters.
 
-    V is a sum of seven parts of a variance each: an entry of Fisher's information is half the trace of P V_i P V_k. P is
-    what is inverted first less `W known W^T`, of few columns.
+    V is a sum of seven parts of a variance each: an entry of Fisher's information is half the trace of P V_i P V_k. And
+    P is what was inverted first less `W known W^T`, of few columns.
     """
     W, known = _in_common(V, V.precision_times(J), inverse_of(information))
     fisher = 0.5 * (_of_pairs_drift_first(V, W, known) if V.drift_first else _of_pairs_turns_first(V, W, known))
@@ -252,8 +252,8 @@ def _of_pairs_drift_first(V: Turned, W: Array, known: Array) -> Array:
 
 
 def _of_pairs_turns_first(V: Turned, W: Array, known: Array) -> Array:
-    """The same where V is a sum of z z^T, some of one pose each: the sums of (z^T P z')^2 over the z of one part and the
-    z' of another.
+    """The same where V is a sum of z z^T, some of one pose each: the sums of (z^T P z')^2 over the z of one part and
+    the z' of another.
     """
     (m, q), c = V.drift.shape, V.columns.shape[2]
     root = np.sqrt(V.base.relative[V.base.kept])[:, None, None]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import dropwhile
 
 from .columns import NANOSECONDS, POSITION, WRENCH_COLUMNS
 from .units import MEGANEWTON, SPELLED, plain, unit_of
@@ -213,7 +214,8 @@ def _numbered(words: list[str], index: int) -> Meaning | None:
     if of in ESTIMATES:
         return Meaning(of, "", of, of, index)
     named, others = _split(words, _OF_LISTS)
-    for left in ("".join(words), named):
+    beside = "".join(dropwhile(_OF_LISTS.__contains__, words))  # O_T_EE, of whose words one says nothing elsewhere
+    for left in ("".join(words), beside, named):
         if left in VECTORS and (left != "tcppose" or "actual" in words):
             return Meaning(left, "", of, " ".join(others), index)
     return None

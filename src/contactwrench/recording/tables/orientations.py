@@ -30,6 +30,8 @@ QUATERNIONS = (
     ("quat_wxyz", ("w", "x", "y", "z")),
 )
 """Names of four numbers that may be a quaternion, and how they are written then: asked for, not guessed."""
+LISTS = {4: ("quat_xyzw", "quat_wxyz"), 9: ("matrix",), 16: ("franka_matrix",)}
+"""What a list of so many numbers may be."""
 
 
 def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, list[Column]]:
@@ -69,19 +71,22 @@ def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, l
 
 
 def _perhaps(table: OpenTable) -> str:
-    """What --orientation may be for columns whose names a quaternion may bear, and for a list of four."""
+    """What --orientation may be for columns whose names a quaternion may bear, and for lists of as many numbers as a
+    quaternion, a matrix and a pose have.
+    """
     there = {name.lower(): name for name in table.places}
-    four = [
+    perhaps = [
         f"{how}:{','.join(there[name] for name in names)}" for how, names in QUATERNIONS if there.keys() >= set(names)
     ]
     lists = [name.removesuffix("[0]") for name in table.places if name.endswith("[0]")]
-    four += [
-        f"{how}:{name}[0:4]"
+    perhaps += [
+        f"{how}:{name}[0:{n}]"
+        for n, conventions in LISTS.items()
         for name in lists
-        if f"{name}[3]" in table.places and f"{name}[4]" not in table.places
-        for how in ("quat_xyzw", "quat_wxyz")
+        if f"{name}[{n - 1}]" in table.places and f"{name}[{n}]" not in table.places
+        for how in conventions
     ]
-    return " or ".join(four[:2])
+    return " or ".join(perhaps[:2])
 
 
 def _whole(found: dict[str, list[Candidate | None]]) -> dict[str, list[Candidate]]:
