@@ -96,6 +96,31 @@ def test_wrench_pose_and_time_are_read_where_the_flag_says(
         assert np.array_equal(found.position, Motion.position)
 
 
+BY_COLUMNS = POSES.transpose(0, 2, 1)
+
+
+@pytest.mark.parametrize("poses", [POSES, BY_COLUMNS, BY_COLUMNS.reshape(60, 16)], ids=["rows", "columns", "flat"])
+def test_poses_of_a_franka_are_known_by_their_name(tmp_path: Path, poses: Array) -> None:
+    path = stored(tmp_path, {"ft/wrench": Motion.wrench, "panda/robot_state/O_T_EE": poses, "time": Motion.t})
+    assert "no orientation columns" in refusal(path)  # whose panda?
+    path = stored(tmp_path, {"ft/wrench": Motion.wrench, "robot_state/O_T_EE": poses, "time": Motion.t})
+    assert cw.read(path).R_base_flange == pytest.approx(Motion.R, abs=1e-12)
+
+
+@pytest.mark.parametrize(("dataset", "said"), [("T", "franka_matrix:robot/T[0:16]"), ("R", "matrix:robot/R[0:9]")])
+def test_a_refusal_names_the_option_that_reads_matrices(tmp_path: Path, dataset: str, said: str) -> None:
+    matrices = {"T": POSES, "R": Motion.R}[dataset]
+    path = stored(tmp_path, {"ft/wrench": Motion.wrench, f"robot/{dataset}": matrices, "time": Motion.t})
+    assert f"rename them, or --orientation {said}, or --wrench W.csv --pose P.csv (found ft/" in refusal(path)
+    assert cw.read(path, said).R_base_flange == pytest.approx(Motion.R, abs=1e-12)
+
+
+def test_poses_whose_rows_cannot_be_told_from_their_columns_are_no_columns(tmp_path: Path) -> None:
+    turned = np.tile(np.eye(4), (60, 1, 1))
+    path = stored(tmp_path, {"ft/wrench": Motion.wrench, "robot_state/O_T_EE": turned, "time": Motion.t})
+    assert refusal(path).endswith("(found ft/wrench[0:6], time)")
+
+
 @pytest.mark.parametrize("options", [{}, {"chunks": True, "compression": "gzip"}, {"dtype": "f4"}])
 def test_datasets_bear_the_names_of_columns_whole_and_in_blocks(tmp_path: Path, options: dict[str, Any]) -> None:
     path = stored(tmp_path, dict(zip(HEADER, rows().T, strict=True)), "run.HDF5", **options)
@@ -110,8 +135,8 @@ def test_the_columns_of_a_file_and_their_units(tmp_path: Path, capsys: pytest.Ca
     path = lab_file(tmp_path)
     out = run(capsys, "info", path).out.lower()
     assert out.startswith(
-        f"{path}\ntable, 60 rows of 70 columns\n  ft/wrench[0:6], robot/r_flat[0:9], robot/t_by_columns[0:16], "
-        "robot/t_flat[0:16], robot/abc[0:3], robot/quat[0:4], robot/xyz_quat[0:7], robot/xyz_wxyz[0:7], short, "
+        f"{path}\ntable, 60 rows of 95 columns\n  ft/wrench[0:6], robot/r[0:9], robot/r_flat[0:9], robot/t[0:16], "
+        "robot/t_by_columns[0:16], robot/t_flat[0:16], robot/abc[0:3], robot/quat[0:4], robot/xyz_quat[0:7], robot/xyz_wxyz[0:7], short, "
         "time\n"
     )
     units = {"a": np.ones((2, 6)), "b": np.ones((2, 3)), "c": np.ones((2, 2)), "d": np.ones(2), "e": np.ones((2, 1))}
@@ -240,7 +265,7 @@ def test_all_episodes_of_a_set_are_compensated_in_the_order_of_their_numbers(
 def test_info_of_a_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = demonstrations(tmp_path)
     assert run(capsys, "info", path).out.startswith(
-        f"{path}\nTable, 60 rows of 15 columns\n  actions[0:7], demo_0/deeper, obs/ft[0:6], episode_index\n"
+        f"{path}\nTable, 60 rows of 24 columns\n  actions[0:7], demo_0/deeper, obs/R[0:9], obs/ft[0:6], episode_index\n"
         "  3 episodes, 0, 2, 11: --episode N chooses one; times of the first:\n  no times"
     )
 

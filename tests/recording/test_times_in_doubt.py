@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import contactwrench as cw
+from contactwrench.calibration.findings import Kind
 from tests.support.recordings import WRENCH, csv_text, run, written
 from tests.support.rigs import NOISE, example
 from tests.support.world import Array, readings
@@ -78,3 +80,11 @@ def test_two_files_of_which_one_is_in_ms(tmp_path: Path, capsys: pytest.CaptureF
         f"and they have only 40 s in common: the {in_ms}'s stamps look like ms, 1000 times as long, give them in s, or "
         "name their column t_ms"
     )
+
+
+@pytest.mark.parametrize(("per_s", "step", "unit"), [(1e3, "50", "ms"), (1e6, "50000", "us"), (1.0, "", "")])
+def test_arrays_with_times_that_are_likely_no_seconds(per_s: float, step: str, unit: str) -> None:
+    t, wrench, q = _streams()
+    found = cw.calibrate(cw.Samples(wrench, q, np.round(per_s * t, 3)), model="mount").findings
+    said = f"t is likely in {unit}, expected s: 800 samples would come {step} s apart"
+    assert [each.text for each in found if each.kind is Kind.TIMES_IN_DOUBT] == [said] * bool(unit)

@@ -27,6 +27,7 @@ class Kind(StrEnum):
 
     DAMAGED_RECORDING = "damaged_recording"
     ANGLES_IN_DOUBT = "angles_in_doubt"
+    TIMES_IN_DOUBT = "times_in_doubt"
     SATURATED_ROWS = "saturated_rows"
     SPIKES = "spikes"
     LOADED_ROWS = "loaded_rows"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
+from ..geometry.ranges import likely_unit
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
 from ..samples.creep import Creep
 from ..samples.delay import is_significant
@@ -184,6 +185,9 @@ def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     """The usable rows without load, and what there is to say of the samples."""
     damage = [Finding(Kind.DAMAGED_RECORDING, Severity.WARNING, samples.damage)] if samples.damage else []
     doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
+    if not samples.read_as and (likely := likely_unit(samples.t)):  # who read a file has said so
+        text = f"t is likely in {likely[0]}, expected s: {len(samples)} samples would come {likely[1]:g} s apart"
+        doubt.append(WARNING(Kind.TIMES_IN_DOUBT, text))
     samples, left_out = usable(samples)
     findings = (*damage, *doubt, *left_out)
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():

@@ -80,3 +80,21 @@ UNIX_TIMES = Range(1e9, 4.2e9, "s")
 def per_second(t: float) -> float:
     """How many of a Unix time's unit, by its size, a second has; 1 of any other time."""
     return next((each for each in (1e3, 1e6, 1e9) if UNIX_TIMES.least <= t / each <= UNIX_TIMES.most), 1.0)
+
+
+FEWEST_TIMES, SLOWEST_STEP, LONGEST = 200, 1.0, 1e4
+"""So many times, of which the middle step is of so many s or more, are likely in another unit: where they are whole
+numbers, or go on for longer than so many s.
+"""
+SLOWER_UNITS = ((1e3, "ms"), (1e6, "us"), (np.inf, "ns"))
+"""Of steps that would be so many s or less."""
+
+
+def likely_unit(t: Array | None) -> tuple[str, float] | None:
+    """The unit that times (n,) without one are likely in, and the step between them, were it s; None: s will do."""
+    if t is None or len(t) <= FEWEST_TIMES or not np.isfinite(t).all():
+        return None
+    step = float(np.median(np.diff(t)))
+    if step < SLOWEST_STEP or (np.any(t % 1.0) and t[-1] - t[0] <= LONGEST):
+        return None
+    return next(unit for most, unit in SLOWER_UNITS if step < most), step

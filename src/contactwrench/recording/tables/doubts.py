@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import InputError
 from ...files import TEXT_AT_ONCE, name_of, open_bytes
 from ...geometry.arrays import Array
+from ...geometry.ranges import likely_unit
 from .columns import FLAW, Naming, shown
 from .csv import SUFFIXES
 from .layout import is_row
@@ -29,10 +30,6 @@ LEAST_TURN = 0.3
 
 FEWEST_ROWS = 5
 
-FEWEST_TIMES, SLOWEST_STEP, LONGEST = 200, 1.0, 1e4
-"""So many times, of which the middle step is of so many s or more, are likely in another unit: where they are whole
-numbers, or go on for longer than so many s.
-"""
 LONGEST_WAIT = 600.0
 """s from row to row: in so many rows nobody waits for longer."""
 
@@ -88,15 +85,11 @@ def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
     """What to say of a table's times (n,), read as s, if that is likely not their unit; empty where nothing is in
     doubt, or where file or flags state the unit. Raises `InputError` where nobody waits so long from row to row.
     """
-    if t is None or len(t) <= FEWEST_TIMES or not np.isfinite(t).all():
+    if (likely := likely_unit(t)) is None or t is None:
         return ""
-    step = float(np.median(np.diff(t)))
-    if step < SLOWEST_STEP or (np.any(t % 1.0) and t[-1] - t[0] <= LONGEST):
-        return ""
-    columns = time_columns(open_table(path, naming), naming)
+    columns, (unit, step) = time_columns(open_table(path, naming), naming), likely
     if not columns or columns[0].unit:
         return ""
-    unit = next((unit for longest, unit in ((1e3, "ms"), (1e6, "us")) if step < longest), "ns")
     to_do = f"read them with --units time={unit}; if they are seconds, say --units time=s"
     if step > LONGEST_WAIT:
         where = f"{name_of(path)}: found {len(t)} rows {step:g} s apart by the times {shown(columns[0].name)}"
