@@ -43,15 +43,24 @@ def _turns_in_the_world(rig: Rig, R: Array, alike: Array) -> Array:
     return covariance
 
 
-@pytest.fixture(scope="module", params=[(False, 0.0), (True, 0.0), (True, 3.0)], ids=["alone", "in order", "drift"])
+CASES = {
+    "alone": (False, 0.0, 0),
+    "in order": (True, 0.0, 0),
+    "in order, drift": (True, 3.0, 2),
+    "drift": (False, 3.0, 2),
+    "drift of more columns than turns": (False, 3.0, 4),
+}
+
+
+@pytest.fixture(scope="module", params=list(CASES.values()), ids=list(CASES))
 def case(request: pytest.FixtureRequest) -> tuple[Rig, Array, Turned, Array]:
     """A rig, orientations, the covariance, and the same dense for the poses kept; one pose is left out."""
-    in_order, strength = request.param
+    in_order, strength, q = request.param
     rig, R, rng = example(4, poses=9)
     kept = np.arange(9) != 3
     alike = turns_of_robot(9, in_order)[-1]
-    columns, relative = rng.normal(size=(9, 2)), rng.uniform(0.5, 3.0, 9)
-    base = AlikeOnAxes(kept, relative, NOISE**2, columns if strength else np.zeros((9, 0)), strength)
+    columns, relative = rng.normal(size=(9, q)), rng.uniform(0.5, 3.0, 9)
+    base = AlikeOnAxes(kept, relative, NOISE**2, columns, strength)
     V = Turned(base, turns_across_gravity(_tool(rig), R, alike, kept), TURN)
     drift = np.diag(relative) + strength**2 * columns @ columns.T
     dense = np.kron(drift, np.diag(NOISE**2)) + TURN**2 * _turns_in_the_world(
@@ -63,6 +72,17 @@ def case(request: pytest.FixtureRequest) -> tuple[Rig, Array, Turned, Array]:
 def _of_kept(V: Turned, dense: Array) -> Array:
     kept = np.repeat(V.base.kept, 6)
     return dense[np.ix_(kept, kept)]
+
+
+def _of_axis(V: Turned, axis: int, across_poses: Array) -> Array:
+    return _of_kept(V, np.asarray(np.kron(across_poses, np.diag(NOISE**2 * (np.arange(6) == axis)))))
+
+
+def _parts(V: Turned, dense: Array) -> list[Array]:
+    """What each axis' noise and drift, and what turns, contribute to the covariance of the poses kept."""
+    drift = np.diag(V.base.relative) + V.base.strength**2 * V.base.columns @ V.base.columns.T
+    parts = [_of_axis(V, axis, drift) for axis in range(6)]
+    return [*parts, _of_kept(V, dense) - sum(parts)]
 
 
 def test_the_precision_is_that_of_the_dense_covariance(case: tuple[Rig, Array, Turned, Array]) -> None:
@@ -77,6 +97,10 @@ def test_the_precision_is_that_of_the_dense_covariance(case: tuple[Rig, Array, T
         scale = np.outer(unit[own], unit[own])
         assert block / scale == pytest.approx(inverse[own, own] / scale, abs=1e-4)
     assert V.log_determinant == pytest.approx(np.linalg.slogdet(_of_kept(V, dense))[1], abs=1e-3)
+    *of_axes, of_turns = (np.trace(inverse @ part) for part in _parts(V, dense))
+    relative = np.array([np.trace(inverse @ _of_axis(V, axis, np.diag(V.base.relative))) for axis in range(6)])
+    assert V.dof_of_drift == pytest.approx(np.array(of_axes) - relative, abs=1e-4)
+    assert V.dof_of_turns == pytest.approx(of_turns, abs=1e-4)
 
 
 def test_a_constant_is_that_of_generalised_least_squares(case: tuple[Rig, Array, Turned, Array]) -> None:
@@ -176,11 +200,8 @@ def test_variances_are_where_the_restricted_likelihood_is_largest(drifts: bool) 
 def test_noise_and_turns_are_known_less_well_together_than_alone(case: tuple[Rig, Array, Turned, Array]) -> None:
     """As Fisher's information has it (dense): half the trace of the products of P and each part of the covariance."""
     rig, R, V, dense = case
-    kept = V.base.kept
-    drift = np.diag(V.base.relative) + V.base.strength**2 * V.base.columns @ V.base.columns.T
-    parts = [np.kron(drift, np.diag(NOISE**2 * (np.arange(6) == axis))) for axis in range(6)]
-    parts = [_of_kept(V, part) for part in (*parts, dense - sum(parts))]
-    J = wrench_jacobian(_tool(rig), R[kept], NAMES)
+    parts = _parts(V, dense)
+    J = wrench_jacobian(_tool(rig), R[V.base.kept], NAMES)
     D = J.reshape(48, -1)
     inverse = np.linalg.inv(_of_kept(V, dense))
     information = D.T @ inverse @ D
