@@ -24,7 +24,7 @@ from contactwrench.simulate.trajectory import exciting
 from tests.assess.test_robot_arms import urdf_of
 from tests.support.recordings import written
 
-FEW_STEPS = 20
+FEW_STEPS = 10
 
 
 @cache
@@ -67,7 +67,7 @@ def test_a_flange_moves_as_its_poses_differ(name: str) -> None:
 @pytest.mark.parametrize("name", ARMS)
 @pytest.mark.usefixtures("quick")
 def test_every_arm_keeps_its_limits(name: str) -> None:
-    plan = plan_motion(ARMS[name], n=5)
+    plan = plan_motion(ARMS[name], n=3)
     arm, limits = plan.arm, plan.limits
     t = np.arange(0.0, plan.duration, 1e-3)
     q, qd, qdd = plan.at(t)
