@@ -87,7 +87,7 @@ def texts(saturated: tuple[int, ...] | None = None) -> tuple[str, str]:
     t, wrench, t_pose = recording()
     columns, names = [t, wrench], ["t", *WRENCH]
     if saturated is not None:
-        columns, names = [*columns, np.isin(np.arange(len(t)), saturated)], [*names, "saturated"]
+        columns, names = [*columns, np.isin(np.arange(len(t)), saturated).astype(np.float64)], [*names, "saturated"]
     poses = np.column_stack([t_pose, attitude(t_pose - 100.0).reshape(-1, 9)])
     return csv_text(names, np.column_stack(columns)), csv_text(("t", *MATRIX), poses)
 
