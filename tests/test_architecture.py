@@ -204,7 +204,8 @@ def test_the_rig_does_not_know_what_it_judges() -> None:
 def test_no_global_random_state_and_no_assert_in_the_package() -> None:
     for _, path in modules(PACKAGE):
         text = path.read_text(encoding="utf-8")
-        assert not [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Assert)], path
+        said = "assert" in text  # few say it, and in words; those are looked at closely
+        assert not said or not [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Assert)], path
         assert "np.random.seed" not in text, path
 
 

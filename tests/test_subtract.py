@@ -54,7 +54,7 @@ def _calibrated(seed: int) -> tuple[cw.Calibration, Rig]:
 @both_kernels
 @pytest.mark.parametrize("n", [1, 2, 7, 8191, 8192, 8193, 20_001])
 def test_the_contact_wrench_comes_back(force_kernel: str, n: int) -> None:
-    calibration, R, contact, wrench = _case(n, n)
+    calibration, R, contact, wrench = _case(1, n)
     assert np.abs(calibration.compensate(wrench, R) - contact).max() < 1e-8
     quat_xyzw = Rotation.from_matrix(R).as_quat()
     assert np.abs(calibration.compensate(wrench, quat_xyzw) - contact).max() < 1e-8
@@ -63,7 +63,7 @@ def test_the_contact_wrench_comes_back(force_kernel: str, n: int) -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=8)
 @given(seed=seeds, n=st.integers(1, 200))
 def test_step_and_batch_agree(seed: int, n: int) -> None:
     calibration, R, _, wrench = _case(seed, n)

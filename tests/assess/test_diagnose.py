@@ -42,9 +42,7 @@ RIGHT, KUKA = Written(QUAT, quat), Written(("a", "b", "c"), euler("ZYX"))
 BY_FLAGS = {
     "fanuc as kuka": (Written(("a", "b", "c"), euler("xyz")), "--orientation fanuc_wpr:a,b,c"),
     "staubli as ur": (Written(("rx", "ry", "rz"), euler("XYZ")), "--orientation staubli"),
-    "yaskawa as ur": (Written(("rx", "ry", "rz"), euler("xyz")), "--orientation yaskawa"),
     "ur as kuka": (Written(("a", "b", "c"), rotvec), "--orientation ur_rotvec:a,b,c"),
-    "kawasaki as fanuc": (Written(("w", "p", "r"), euler("ZYZ")), "--orientation kawasaki_oat:w,p,r"),
     "an order that no brand uses": (Written(("a", "b", "c"), euler("XZX")), "--orientation euler:XZX:deg:a,b,c"),
     "kuka in rad": (Written(("a", "b", "c"), euler("ZYX", degrees=False)), "--orientation euler:ZYX:rad:a,b,c"),
     "scalar first": (Written(QUAT, lambda R: quat(R)[:, [3, 0, 1, 2]]), "--orientation quat_wxyz:qx,qy,qz,qw"),
@@ -121,8 +119,9 @@ def test_what_no_flag_mends_is_said_in_words(mistake: str, tmp_path: Path) -> No
     assert diagnosis.best.explained
 
 
-@pytest.mark.parametrize(("shift", "whose"), [(1, "next"), (-1, "previous")])
-@pytest.mark.parametrize("rows", [1, 40], ids=["a row a pose", "many rows a pose"])
+@pytest.mark.parametrize(
+    ("shift", "whose", "rows"), [(1, "next", 1), (-1, "previous", 40)], ids=["a row a pose", "many rows a pose"]
+)
 def test_orientations_shifted_by_a_pose_are_found(shift: int, whose: str, rows: int, tmp_path: Path) -> None:
     """`next`: the orientation in a row is that of the next pose's wrench."""
     rig, R, rng = example(6)
@@ -159,7 +158,7 @@ def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=2, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=seeds)
 @hypothesis_example(seed=10930)
 def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) -> None:
@@ -245,8 +244,8 @@ def test_poses_that_are_one_by_a_convention_that_is_not_theirs_stay_two(tmp_path
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("way", "down"),
-    [(KUKA, [1.0, 0.0, 0.0]), (RIGHT, [-1.0, 0.0, 0.0]), (KUKA, [0.0, 1.0, 0.0])],
-    ids=["kuka on +x", "quaternion on -x", "kuka on +y"],
+    [(RIGHT, [-1.0, 0.0, 0.0]), (KUKA, [0.0, 1.0, 0.0])],
+    ids=["quaternion on -x", "kuka on +y"],
 )
 def test_a_robot_on_a_wall_looks_like_two_wrong_flags(way: Written, down: list[float], tmp_path: Path) -> None:
     """As given is kept, as `auto` finds the wall; the flags are named, and what decides."""

@@ -157,10 +157,13 @@ def _originals(folder: Path) -> list[Original]:
 
 
 def _cases(chosen: list[Original], mutations: int, seed: int, folder: Path) -> Iterator[Case]:
+    """So many of each kind, and of each variant one at least."""
     numbers = {original.name: number for number, original in enumerate(chosen)}
-    for k in range(mutations):
-        for kind in dict.fromkeys(original.kind for original in chosen):
-            variants = [original for original in chosen if original.kind == kind]
+    of_kind = {kind: [one for one in chosen if one.kind == kind] for kind in (one.kind for one in chosen)}
+    for k in range(max(mutations, *map(len, of_kind.values()))):
+        for variants in of_kind.values():
+            if k >= max(mutations, len(variants)):
+                continue
             original, own = variants[k % len(variants)], seed + k
             number = numbers[original.name]
             rng = np.random.default_rng([own, *original.name.encode()])

@@ -19,8 +19,8 @@ from tests.support.recordings import PANDA, PAPER, WRENCH, Run, beside_its_doubt
 from tests.support.written import QUAT
 
 PANDA_BYTES, PAPER_BYTES = PANDA.read_bytes(), PAPER.read_bytes()
-many = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-fewer = settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+many = settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+fewer = settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 JUNK = ["", " ", "nan", "inf", "-inf", "1e999", "1e308", "-1e200", "abc", "1,5", "1;5", "0x10", "1_0", '"', '"1"', '""']
 JUNK += ["#", "\0", "é", "½", "١", "-", "+", "1e", "--1", "True", "1e-400", "\ufeff", "\x1c", "\u2028", "9" * 400]

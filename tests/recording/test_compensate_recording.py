@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -81,14 +81,20 @@ def recording(duration: float = 8.0) -> tuple[Array, Array, Array]:
     return 100.0 + at + LATE, wrench, 100.0 + np.arange(-5, round(duration * POSE_RATE) - 5) / POSE_RATE
 
 
-def write_two_files(folder: Path, saturated: Array | None = None) -> tuple[Path, Options]:
+@cache
+def texts(saturated: tuple[int, ...] | None = None) -> tuple[str, str]:
+    """The wrench and the poses, with a column that marks those rows if there are any."""
     t, wrench, t_pose = recording()
     columns, names = [t, wrench], ["t", *WRENCH]
     if saturated is not None:
-        columns, names = [*columns, saturated], [*names, "saturated"]
-    (folder / "w.csv").write_text(csv_text(names, np.column_stack(columns)))
+        columns, names = [*columns, np.isin(np.arange(len(t)), saturated).astype(np.float64)], [*names, "saturated"]
     poses = np.column_stack([t_pose, attitude(t_pose - 100.0).reshape(-1, 9)])
-    (folder / "p.csv").write_text(csv_text(("t", *MATRIX), poses))
+    return csv_text(names, np.column_stack(columns)), csv_text(("t", *MATRIX), poses)
+
+
+def write_two_files(folder: Path, saturated: tuple[int, ...] | None = None) -> tuple[Path, Options]:
+    for name, text in zip(("w.csv", "p.csv"), texts(saturated), strict=True):
+        (folder / name).write_text(text)
     return folder / "w.csv", Options(pose_file=folder / "p.csv")
 
 
@@ -142,8 +148,7 @@ def test_without_the_delay_gravity_is_left_over(tmp_path: Path, calibration: Cal
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rows", [83, 640])
-@pytest.mark.parametrize("judged", [False, True])
+@pytest.mark.parametrize(("rows", "judged"), [(83, True), (640, False), (640, True)])
 def test_batches_are_the_whole(
     tmp_path: Path, calibration: Calibration, monkeypatch: pytest.MonkeyPatch, rows: int, judged: bool
 ) -> None:
@@ -215,9 +220,7 @@ def test_what_a_delay_is_known_by_is_in_the_std_in_any_axes(tmp_path: Path, cali
 
 
 def test_saturated_rows_are_there_and_not_valid(tmp_path: Path, calibration: Calibration) -> None:
-    marked = np.zeros(len(recording()[0]))
-    marked[[700, 701, 1500]] = 1.0
-    path, layout = write_two_files(tmp_path, marked)
+    path, layout = write_two_files(tmp_path, (700, 701, 1500))
     found = whole(list(compensated(path, layout, calibration, Treatment(delay=LATE))))
     assert np.flatnonzero([reason == SATURATED for reason in found.reason]).tolist() == [700, 701, 1500]
     assert not found.valid[[700, 701, 1500]].any()

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +52,11 @@ def turning(n: int, rng: np.random.Generator) -> Array:
 
 
 def recorded(folder: Path, seed: int, change: str) -> Path:
+    return written(folder, text_of(seed, change), "run.csv")
+
+
+@cache
+def text_of(seed: int, change: str) -> str:
     """A minute of a free tool, from half of it on with a `change`, or with a hand on it now and then."""
     _, rig, _ = calibrated(3)
     rng = np.random.default_rng(seed)
@@ -67,7 +72,7 @@ def recorded(folder: Path, seed: int, change: str) -> Path:
     elif change != "free":
         wrench += hand(rng, change)
     rows = np.column_stack([np.arange(N) / RATE, wrench, R.reshape(N, 9)])
-    return written(folder, csv_text(("t", *WRENCH, *MATRIX), rows), "run.csv")
+    return csv_text(("t", *WRENCH, *MATRIX), rows)
 
 
 def hand(rng: np.random.Generator, change: str) -> Array:
@@ -176,9 +181,13 @@ def off_throughout(folder: Path, *, with_times: bool, options: Options, change: 
     return [note for note in notes if "left of the force" in note]
 
 
-@pytest.mark.parametrize("with_times", [False, True])
 @pytest.mark.parametrize(
-    "options", [Options(sign="reaction"), Options(inverse_orientation=True), Options(units="force=kN,torque=Nm")]
+    ("options", "with_times"),
+    [
+        (Options(sign="reaction"), False),
+        (Options(inverse_orientation=True), True),
+        (Options(units="force=kN,torque=Nm"), False),
+    ],
 )
 def test_what_is_read_otherwise_than_the_calibration_is_asked_about(
     options: Options, with_times: bool, tmp_path: Path
@@ -191,8 +200,9 @@ def test_what_is_read_otherwise_than_the_calibration_is_asked_about(
     )
 
 
-@pytest.mark.parametrize("with_times", [False, True])
-@pytest.mark.parametrize("change", ["free", "new zero", "60 %", "at the end"])
+@pytest.mark.parametrize(
+    ("change", "with_times"), [("free", False), ("new zero", False), ("new zero", True), ("60 %", True)]
+)
 def test_what_is_free_for_some_of_the_time_is_not(change: str, with_times: bool, tmp_path: Path) -> None:
     assert off_throughout(tmp_path, with_times=with_times, options=Options(), change=change) == []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,11 @@ pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
 QUAT = Rotation.from_matrix(Motion.R).as_quat()
 NO_NUMBER = "found no number, expected one: fill it in or leave the row out"
 EPISODES = np.repeat([0, 1, 4], [20, 25, 15])
+
+
+@cache
+def panda() -> cw.Calibration:
+    return cw.calibrate(cw.read(PANDA))
 
 
 def robot_learning_set() -> Any:
@@ -147,7 +153,7 @@ def test_parquet_to_parquet_keeps_the_episode_that_was_compensated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, tool = lerobot(tmp_path / "set", 3), tmp_path / "tool.json"
-    cw.calibrate(cw.read(PANDA)).save(tool)
+    panda().save(tool)
     out = tmp_path / "out.parquet"
     assert run(capsys, "compensate", path, "-c", tool, "-o", out, "--episode", "4").status == 0
     after = pq.read_table(out)
@@ -160,13 +166,13 @@ def test_all_episodes_are_each_compensated_by_itself(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], judged: tuple[str, ...]
 ) -> None:
     tool, out = tmp_path / "tool.json", tmp_path / "out.csv"
-    cw.calibrate(cw.read(PANDA)).save(tool)
+    panda().save(tool)
     for path in sets(tmp_path):
         expected = []
         for episode in (0, 1, 4):
-            assert run(capsys, "compensate", path, "-c", tool, "--episode", str(episode), *judged).status == 0
-            lines = run(capsys, "compensate", path, "-c", tool, "--episode", str(episode), *judged).out.splitlines()
-            expected += [f"{episode},{line}{'' if judged else ',1,,'}" for line in lines[1:]]
+            one = run(capsys, "compensate", path, "-c", tool, "--episode", str(episode), *judged)
+            assert one.status == 0
+            expected += [f"{episode},{line}{'' if judged else ',1,,'}" for line in one.out.splitlines()[1:]]
         done = run(capsys, "compensate", path, "-c", tool, "--all-episodes", *judged, "-o", out, "--force")
         header, *found = out.read_text(encoding="utf-8").splitlines()
         assert header.startswith("episode_index,t,fx,fy,fz,")
@@ -178,7 +184,7 @@ def test_all_episodes_stay_beside_the_columns_of_a_parquet_set(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, tool, out = lerobot(tmp_path / "set", 3), tmp_path / "tool.json", tmp_path / "out.parquet"
-    cw.calibrate(cw.read(PANDA)).save(tool)
+    panda().save(tool)
     assert run(capsys, "compensate", path, "-c", tool, "-o", out, "--all-episodes").status == 0
     after = pq.read_table(out)
     before = robot_learning_set()
@@ -194,7 +200,7 @@ def test_episodes_that_are_treated_differently_have_the_same_columns(
 ) -> None:
     """The calibration's delay concerns a motion, not poses at rest."""
     tool, out = tmp_path / "tool.json", tmp_path / "out.csv"
-    replace(cw.calibrate(cw.read(PANDA)), delay=0.03, delay_std=0.001).save(tool)
+    replace(panda(), delay=0.03, delay_std=0.001).save(tool)
     table = np.column_stack([rows(), EPISODES])
     few = EPISODES == 1
     table[few, 0] = 20.0 * np.arange(25.0)
@@ -208,21 +214,27 @@ def test_episodes_that_are_treated_differently_have_the_same_columns(
 
 def test_an_episode_that_cannot_be_compensated_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tool = tmp_path / "tool.json"
-    cw.calibrate(cw.read(PANDA)).save(tool)
+    panda().save(tool)
     path = written(tmp_path, csv_text((*HEADER, "episode_index"), np.column_stack([rows()[:21], EPISODES[:21]])))
     said = run(capsys, "compensate", path, "-c", tool, "--all-episodes", "--contact", "-o", tmp_path / "out.csv")
     lacks = f"{path}: found 1 orientation, expected 2 or more to interpolate between"
     assert said.complaint == f"episode 1: {lacks}; --accept-damaged takes the others"
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
-@pytest.mark.parametrize("episode", [0, 4])
-@pytest.mark.parametrize("judged", [(), ("--contact", "--noise", "0.1")])
+@pytest.mark.parametrize(
+    ("suffix", "episode", "judged"),  # any two of them in every combination
+    [
+        (".parquet", 0, ()),
+        (".csv", 4, ()),
+        (".parquet", 4, ("--contact", "--noise", "0.1")),
+        (".csv", 0, ("--contact", "--noise", "0.1")),
+    ],
+)
 def test_of_a_set_with_a_damaged_episode_the_others_are_compensated_where_that_is_accepted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, episode: int, judged: tuple[str, ...]
 ) -> None:
     whole, path, tool = tmp_path / f"whole{suffix}", tmp_path / f"set{suffix}", tmp_path / "tool.json"
-    cw.calibrate(cw.read(PANDA)).save(tool)
+    panda().save(tool)
     table = np.column_stack([Motion.wrench, QUAT, 0.1 * np.arange(60.0), EPISODES])
     damaged, row = table.copy(), int(np.argmax(episode == EPISODES)) + 3
     damaged[row, 6:10] *= 1.3
@@ -259,7 +271,7 @@ def test_a_lost_episode_of_two_streams_has_a_row_for_each_reading(
 ) -> None:
     """Readings and orientations in rows of their own; a Parquet set keeps all of its rows."""
     path, tool, out = tmp_path / "set.parquet", tmp_path / "tool.json", tmp_path / f"out{suffix}"
-    cw.calibrate(cw.read(PANDA)).save(tool)
+    panda().save(tool)
     turns = Rotation.from_rotvec(np.outer(0.02 * np.arange(60), [0.6, 0.0, 0.8])).as_quat()
     times = np.concatenate([0.01 * np.arange(n) for n in (20, 25, 15)])
     table = np.column_stack([Motion.wrench, turns, times, EPISODES])
@@ -299,7 +311,7 @@ def test_a_set_of_which_no_episode_can_be_compensated_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tool = tmp_path / "tool.json"
-    cw.calibrate(cw.read(PANDA)).save(tool)
+    panda().save(tool)
     two = np.column_stack([rows()[:2], [0, 1]])
     path = written(tmp_path, csv_text((*HEADER, "episode_index"), two))
     said = run(capsys, "compensate", path, "-c", tool, "--all-episodes", "--contact", "--accept-damaged")
@@ -323,7 +335,7 @@ def test_a_damaged_row_group_of_another_episode_is_not_read(tmp_path: Path) -> N
 
 def test_what_is_said_of_many_episodes_is_said_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, tool = lerobot(tmp_path / "set", 2), tmp_path / "tool.json"
-    cw.calibrate(cw.read(PANDA)).save(tool)
+    panda().save(tool)
     said = run(capsys, "compensate", path, "-c", tool, "--all-episodes", "--contact").err
     noise = "noise of a sample unknown: a Compensator takes its first second for free air; --noise states it"
     assert said.count(f"{noise} (episode 0 and 2 others)") == said.count(noise) == 1
@@ -338,7 +350,7 @@ def test_of_many_different_notes_some_are_said(tmp_path: Path) -> None:
     names = (*WRENCH, "qx", "qy", "qz", "qw", "t", "episode_index")
     rest = np.column_stack([np.tile([0.0, 0.0, 0.0, 1.0], (200, 1)), np.tile(0.1 * np.arange(8.0), 25), numbers])
     path, said = written(tmp_path, csv_text(names, np.column_stack([wrench, rest]))), list[str]()
-    calibration = cw.calibrate(cw.read(PANDA))
+    calibration = panda()
     rows_of_all = compensated_set(path, Options(), calibration, Treatment(), range(25), note=said.append)
     assert sum(len(batch) for batch in rows_of_all) == 200
     assert len(said) == len(set(said)) <= 21
@@ -374,7 +386,7 @@ def test_what_does_not_go_with_all_episodes_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], change: Any, flags: tuple[str, ...], message: str
 ) -> None:
     tool, episodes = tmp_path / "tool.json", change(EPISODES)
-    cw.calibrate(cw.read(PANDA)).save(tool)
+    panda().save(tool)
     names, columns = ((*HEADER, "episode_index"), [rows(), episodes]) if len(episodes) else (HEADER, [rows()])
     path = written(tmp_path, csv_text(names, np.column_stack(columns)))
     assert run(capsys, "compensate", path, "-c", tool, "--all-episodes", *flags).complaint == message.format(path)

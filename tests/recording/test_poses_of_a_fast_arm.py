@@ -57,9 +57,7 @@ def compensated(
     return {name: found[name] for name in found.dtype.names or ()}, done.err
 
 
-@pytest.mark.parametrize(
-    ("pose_rate", "jitter"), [(125.0, 0.0), (125.0, 0.001), (125.0, 0.0015), (50.0, 0.0), (31.25, 0.0)]
-)
+@pytest.mark.parametrize(("pose_rate", "jitter"), [(125.0, 0.0), (125.0, 0.0015), (31.25, 0.0)])
 def test_free_motion_is_no_contact(tmp_path: Path, capsys: Capture, pose_rate: float, jitter: float) -> None:
     found, said = compensated(tmp_path, capsys, at_work(5), pose_rate, jitter)
     known = np.isfinite(found["fx_std"])

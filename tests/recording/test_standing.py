@@ -73,7 +73,7 @@ def judged(
     return valid, [row["contact"] for row in written_rows], [row["reason"] for row in written_rows], done.err
 
 
-@pytest.mark.parametrize(("quantum", "rate", "n"), [(0.1, RATE, N), (0.001, 1000.0, 20_000)])
+@pytest.mark.parametrize(("quantum", "rate", "n"), [(0.1, RATE, N), (0.001, 1000.0, 10_000)])
 def test_a_clipped_channel_is_not_valid_from_its_first_row_on(
     tmp_path: Path, capsys: Capture, quantum: float, rate: float, n: int
 ) -> None:
@@ -93,10 +93,7 @@ def test_a_clipped_channel_is_not_valid_from_its_first_row_on(
 
 @pytest.mark.parametrize(
     ("held", "quantum", "noise"),  # any two of them in every combination
-    [
-        *((held, quantum, noise) for held in (1, 4) for quantum, noise in ((0.001, 0.4), (0.1, 1.0))),
-        *((held, quantum, noise) for held in (2, 8) for quantum, noise in ((0.001, 1.0), (0.1, 0.4))),
-    ],
+    [(1, 0.001, 0.4), (1, 0.1, 1.0), (8, 0.001, 1.0), (8, 0.1, 0.4)],
 )
 def test_coarse_quiet_and_held_readings_stand_at_no_limit(
     tmp_path: Path, capsys: Capture, held: int, quantum: float, noise: float
@@ -131,7 +128,7 @@ def test_a_channel_that_is_not_measured_and_a_short_repeat_at_a_maximum_are_hone
     _, rig, rng = calibrated(3)
     turns = random_rotations(24, rng)
     tool = cw.calibrate(cw.Samples(noisy_readings(rig, turns, NOISE, rng) * [1.0, 1.0, 1.0, 1.0, 1.0, 0.0], turns))
-    wrench, R = pushed(n=6_000)
+    wrench, R = pushed(n=2_000)
     wrench[:, 5] = 0.0
     peak = int(np.argmax(wrench[:, 2]))
     wrench[peak : peak + 15, 2] = wrench[peak, 2]
@@ -152,7 +149,7 @@ def test_one_that_is_zero_throughout_and_that_the_calibration_has_is_dead(tmp_pa
 def test_a_frozen_reading_is_not_valid_from_its_first_repeated_row_on(
     tmp_path: Path, capsys: Capture, rate: float
 ) -> None:
-    wrench, R = pushed(rate=rate, n=int(20.0 * rate))
+    wrench, R = pushed(rate=rate, n=int(14.0 * rate))
     frozen = slice(int(10.0 * rate), int(13.0 * rate))
     wrench[frozen] = wrench[frozen.start]
     valid, contact, reasons, _ = judged(tmp_path, capsys, wrench, R, rate)

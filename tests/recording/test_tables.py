@@ -95,8 +95,9 @@ def test_a_table_without_gaps_is_two_streams_of_the_same_times(tmp_path: Path) -
     assert samples.delay is None
 
 
-@pytest.mark.parametrize("cell", ["", " ", "nan", "NaN", '""'])
-@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize(
+    ("cell", "delimiter"), [("", ","), (" ", ";"), ("nan", "\t"), ("NaN", ","), ('""', ";"), ("", "\t")]
+)
 def test_rows_without_a_pose_belong_to_the_wrench_alone(tmp_path: Path, cell: str, delimiter: str) -> None:
     path = written(tmp_path, with_gaps(cell).replace(",", delimiter))
     assert_same(read_streams(path), Motion.R, Motion.posed)

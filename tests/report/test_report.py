@@ -81,17 +81,17 @@ def _page(path: Path) -> tuple[_Page, str]:
 
 
 @pytest.fixture(scope="module")
-def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[_Page, str]:
-    """A page with all of its figures, of a recording whose name would be markup, and its words."""
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[_Page, str, str]:
+    """A page with all of its figures, of a recording whose name would be markup, its words, and the file's text."""
     samples, path = cw.read(PANDA), tmp_path_factory.mktemp("drawn") / "r.html"
     strange = cw.Samples(samples.wrench, samples.R_base_flange, source="<script>alert(1)</script> & more.csv")
     write_calibration_report(path, cw.calibrate(strange, "mount"))
-    return _page(path)
+    return *_page(path), path.read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
-def test_the_report_is_one_file_without_network_or_script(drawn: tuple[_Page, str]) -> None:
-    page, _ = drawn
+def test_the_report_is_one_file_without_network_or_script(drawn: tuple[_Page, str, str]) -> None:
+    page, _, _ = drawn
     assert "script" not in page.tags
     assert "link" not in page.tags
     assert all(reference.startswith(("#", "data:image/png;base64,")) for reference in page.references)
@@ -100,7 +100,7 @@ def test_the_report_is_one_file_without_network_or_script(drawn: tuple[_Page, st
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["paper", "yaw", "mount", "affine"])
+@pytest.mark.parametrize("model", ["paper", "mount", "affine"])
 def test_it_says_what_was_found_how_good_it_is_and_what_is_weak(tmp_path: Path, model: str) -> None:
     calibration = cw.calibrate(cw.read(PAPER), model) if model == "paper" else panda(model)
     write_calibration_report(tmp_path / "r.html", calibration)
@@ -122,8 +122,8 @@ def test_it_says_what_was_found_how_good_it_is_and_what_is_weak(tmp_path: Path, 
 
 
 @pytest.mark.slow
-def test_names_from_outside_cannot_become_markup(drawn: tuple[_Page, str]) -> None:
-    page, words = drawn
+def test_names_from_outside_cannot_become_markup(drawn: tuple[_Page, str, str]) -> None:
+    page, words, _ = drawn
     assert "script" not in page.tags
     assert "<script>alert(1)</script> & more.csv" in words
 
@@ -140,13 +140,16 @@ def test_a_calibration_of_very_many_poses_has_a_report_without_them(tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_figures_are_the_same_bytes_each_time() -> None:
-    calibration = panda("mount+base")
+def test_figures_are_the_same_bytes_each_time(drawn: tuple[_Page, str, str]) -> None:
+    calibration = panda("mount")
     ways = compare(calibration, calibration.poses)
-    assert figures.left_over_per_pose(calibration, ways) == figures.left_over_per_pose(calibration, ways)
-    assert figures.residuals_per_pose(calibration, ways[0]) == figures.residuals_per_pose(calibration, ways[0])
-    assert figures.sensor_axes(calibration) == figures.sensor_axes(calibration)
-    assert figures.std_over_orientations(calibration) == figures.std_over_orientations(calibration)
+    for svg in (
+        figures.left_over_per_pose(calibration, ways),
+        figures.residuals_per_pose(calibration, ways[0]),
+        figures.sensor_axes(calibration),
+        figures.std_over_orientations(calibration),
+    ):
+        assert svg in drawn[2]
 
 
 def test_gravity_is_drawn_on_the_half_of_the_sphere_that_it_points_to() -> None:

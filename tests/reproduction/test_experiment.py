@@ -8,6 +8,7 @@ from base64 import b64encode
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -18,12 +19,23 @@ pytest.importorskip("mujoco", reason="mujoco is not installed")
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
 
 from contactwrench.errors import MissingExtraError
-from reproduction import film, identification_trials, methods, peg, pushing, sources_of_error, task_trials
+from contactwrench.report.figures import svg_text
+from reproduction import (
+    film,
+    identification_trials,
+    joint_torque_figure,
+    methods,
+    peg,
+    pushing,
+    sources_of_error,
+    task_trials,
+)
 from reproduction.methods import METHODS
 from reproduction.page import experiment_markdown, shown, write_experiment
 from reproduction.part import Measured, Part, Picture, Table, mean, root_mean_square, share, wilson
 from reproduction.run import STEPS, run
 from reproduction.summary import summary
+from tests.support.experiments import undrawn
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,13 +46,15 @@ PIXEL = "data:image/png;base64," + b64encode(b"\x89PNG is what it begins with").
 @pytest.fixture(scope="module")
 def short() -> Iterator[tuple[Part, ...]]:
     """Two trials of everything, in short motions; two sources of error of one size, all are in their own test, as is
-    what `auto` makes of each part.
+    what `auto` makes of each part. One chart is drawn: the others are in theirs.
     """
     two = list(sources_of_error.SOURCES.items())[:2]
     one_size = {name: replace(source, sizes=source.sizes[:1]) for name, source in two}
     cells = ((sources_of_error.NONE, 0.0), *((name, source.sizes[0]) for name, source in one_size.items()))
-    with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as pool:
-        patch.setattr(pushing, "ROUND", 0.5)
+    with undrawn(), pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as pool:
+        patch.setattr(joint_torque_figure, "svg_text", svg_text)
+        patch.setattr(pushing, "SETTLED", 0.3)
+        patch.setattr(pushing, "ROUND", 0.2)
         patch.setattr(peg, "LONGEST", 0.2)
         patch.setattr(film, "frames", _nothing)
         patch.setattr(sources_of_error, "SOURCES", one_size)
@@ -56,7 +70,11 @@ def short() -> Iterator[tuple[Part, ...]]:
 
 def _as_the_rig_is(samples: cw.Samples, model: str) -> cw.Calibration:
     """With what `auto` has to find out known: a fifth of its time."""
-    return cw.calibrate(samples, "yaw" if model == "auto" else model)
+    return _calibrated(samples, model if model == "paper" else "yaw")
+
+
+_calibrated = lru_cache(maxsize=8)(cw.calibrate)
+"""Several methods ask the same of a recording."""
 
 
 def _nothing(*_: object) -> None:

@@ -53,7 +53,7 @@ from tests.support.pinocchio_arm import any_joints, any_settings, arm_of, judge
 from tests.support.rigs import seeds
 from tests.test_benchmarks import Here
 
-few = hypothesis_settings(max_examples=25, deadline=None)
+few = hypothesis_settings(max_examples=15, deadline=None)
 NOTHING = (0.0,) * 7
 RIGHT = JointTorque(noise=0.0, offset=NOTHING, gain=(1.0,) * 7, friction=0.0)
 QUIET = Sensor(noise=Noise((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), quantum=0.0)
@@ -331,9 +331,9 @@ def small() -> Part:
 
 @pytest.mark.slow
 def test_the_same_seed_has_the_same_figures(small: Part) -> None:
-    assert seeded(3) == small
     with undrawn():
-        other = seeded(4)
+        again, other = seeded(3), seeded(4)
+    assert (again.tables, again.paragraphs) == (small.tables, small.paragraphs)
     assert other.tables != small.tables
 
 

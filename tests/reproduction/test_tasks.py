@@ -30,8 +30,8 @@ def drawn(rig: Rig, trace: Trace, times: Array, view: film.View) -> list[NDArray
 @pytest.fixture(scope="module")
 def three() -> tuple[Part, ...]:
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as pool:
-        patch.setattr(pushing, "ROUND", 1.0)
-        patch.setattr(peg, "LONGEST", 0.4)
+        patch.setattr(pushing, "ROUND", 0.4)
+        patch.setattr(peg, "LONGEST", 0.3)
         patch.setattr(film, "frames", drawn)
         return tasks.parts(pool, 0.0, 1)
 

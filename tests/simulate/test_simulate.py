@@ -153,8 +153,8 @@ def test_rows_of_a_pose_and_times(tmp_path: Path, capsys: Capture) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.2, 1.0])
-def test_the_robots_pose_error_is_the_stated_orientations(tmp_path: Path, capsys: Capture, size: float) -> None:
+def test_the_robots_pose_error_is_the_stated_orientations(tmp_path: Path, capsys: Capture) -> None:
+    size = 0.3
     flags = ["--poses=random:200", "--seed=5"]
     exact, _, _ = simulated(capsys, tmp_path, *flags)
     off, _, _ = simulated(capsys, tmp_path, *flags, f"--set=recording.orientation_error_deg={size}")
@@ -179,9 +179,9 @@ def test_a_reading_in_motion_is_late_by_filter_and_delay(tmp_path: Path, capsys:
 @pytest.mark.parametrize("motion", ["excite", "sweep"])
 def test_a_motion_is_a_recording_at_the_sensors_rate(tmp_path: Path, capsys: Capture, motion: str) -> None:
     samples, truth, table = simulated(
-        capsys, tmp_path, f"--trajectory={motion}", "--set=recording.duration=12", *SILENT, "--set=sensor.delay=0"
+        capsys, tmp_path, f"--trajectory={motion}", "--set=recording.duration=10", *SILENT, "--set=sensor.delay=0"
     )
-    assert len(samples) == 12001
+    assert len(samples) == 10001
     assert samples.t is not None
     assert np.allclose(np.diff(samples.t), 1e-3)
     assert table["q2"][0] == pytest.approx(np.deg2rad(30.0))
