@@ -149,7 +149,7 @@ def calibrated_as_it_came(folder: Path, each: float | None) -> cw.Calibration:
     return cw.calibrate(cw.read(path, pose_file=pose_file), "mount")
 
 
-@pytest.mark.parametrize("each", [0.05, 0.2, 0.5])
+@pytest.mark.parametrize("each", [0.05, 0.5])
 def test_a_recording_is_calibrated_as_if_it_had_come_evenly(
     tmp_path_factory: pytest.TempPathFactory, each: float
 ) -> None:
