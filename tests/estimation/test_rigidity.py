@@ -47,7 +47,7 @@ def at_stops() -> cw.Calibration:
 
 
 def doubts(samples: cw.Samples) -> dict[Kind, str]:
-    calibration = cw.calibrate(samples, "dynamic")
+    calibration = calibrated() if samples is clean() else cw.calibrate(samples, "dynamic")
     found = {f.kind: f.text for f in calibration.findings if f.severity is Severity.DOUBTFUL}
     assert (calibration.verdict == "good") == (not found)
     return found
