@@ -363,7 +363,7 @@ def _covariance(rng: np.random.Generator) -> Array:
     return root @ root.T
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_nearest_body_can_exist_and_none_is_nearer(seed: int) -> None:
     rng = np.random.default_rng(seed)
     wanted = np.diag([0.001, 0.0012, 0.003]) + 2e-4 * (lambda a: a + a.T)(rng.normal(size=(3, 3)))
