@@ -131,8 +131,8 @@ def test_covariance_of_b_gives_the_same_std_of_the_wrench(model: str) -> None:
 
 @cache
 def _of_a_design() -> tuple[Rig, list[cw.Calibration]]:
-    rig, R, rng = example(6, poses=10)
-    return rig, [cw.calibrate(samples, "mount", noise=NOISE) for samples in samples_of_a_design(rig, R, 64, rng)]
+    rig, R, rng = example(6, poses=6)
+    return rig, [cw.calibrate(samples, "mount", noise=NOISE) for samples in samples_of_a_design(rig, R, 38, rng)]
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def _same(one: ContactWrenches, other: ContactWrenches) -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=8)
+@settings(deadline=None, max_examples=4)
 @given(seed=seeds)
 def test_a_contact_comes_back_whatever_the_tool_and_its_mounting(seed: int) -> None:
     calibration, rig, rng = calibrated(seed, exact=True)
@@ -65,7 +65,7 @@ def test_a_contact_comes_back_whatever_the_tool_and_its_mounting(seed: int) -> N
     assert batch.valid.all()
 
 
-@settings(deadline=None, max_examples=8)
+@settings(deadline=None, max_examples=4)
 @given(seed=seeds)
 def test_a_free_tool_is_zero_within_its_std(seed: int) -> None:
     calibration, rig, rng = calibrated(seed)
@@ -76,7 +76,7 @@ def test_a_free_tool_is_zero_within_its_std(seed: int) -> None:
     assert 0.6 < np.sqrt(np.mean(z**2)) < 1.7
 
 
-@settings(deadline=None, max_examples=8)
+@settings(deadline=None, max_examples=4)
 @given(seed=seeds)
 def test_a_rotated_base_with_rotated_gravity_changes_nothing(seed: int) -> None:
     calibration, rig, rng = calibrated(seed)
@@ -105,7 +105,7 @@ def _eventful(seed: int, n: int = 700) -> tuple[cw.Calibration, Array, Array, Ar
 @given(seed=seeds, cuts=st.lists(st.integers(0, 700), max_size=4), given_rate=st.booleans())
 def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bool) -> None:
     calibration, wrench, quat_xyzw, t, heat = _eventful(seed)
-    settings = EVERYTHING | {"fast": False} | ({} if given_rate else {"rate": None})
+    settings = EVERYTHING | ({} if given_rate else {"rate": None})
     whole = cw.Compensator(calibration, **settings).run(wrench, quat_xyzw, t, heat)
     parts = cw.Compensator(calibration, **settings)
     edges = [0, *sorted(cuts), 700]
@@ -124,7 +124,7 @@ def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bo
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
-@pytest.mark.parametrize(("seed", "model"), [(0, "mount"), (1, "affine"), (2, "mount")])
+@pytest.mark.parametrize(("seed", "model"), [(0, "mount"), (1, "affine")])
 def test_compiled_is_plain_to_the_last_bit(seed: int, model: str) -> None:
     """Batches of quaternions and matrices, with and without drift and filters, and samples one by one; a batch is the
     calls.

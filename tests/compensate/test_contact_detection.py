@@ -23,8 +23,8 @@ from tests.support.rigs import NOISE, example
 from tests.support.world import Array, noisy_readings, random_rotations, readings
 
 
-def _plain(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
-    usual: dict[str, Any] = {"rate": RATE, "noise": NOISE, "fast": False}
+def _usual(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
+    usual: dict[str, Any] = {"rate": RATE, "noise": NOISE}
     return cw.Compensator(calibration, **(usual | settings))
 
 
@@ -139,7 +139,7 @@ def test_a_recording_tells_noise_that_is_not_white() -> None:
     wrench = readings(rig, R) + _slow(rng, 4000)
     recording = _slow(rng, 4000)
     for noise, honest in ((recording.std(axis=0), False), (recording, True)):
-        batch = _plain(calibration, noise=noise, lowpass=20.0, drift=TYPICAL_DRIFT).run(wrench, R, times(4000))
+        batch = _usual(calibration, noise=noise, lowpass=20.0, drift=TYPICAL_DRIFT).run(wrench, R, times(4000))
         size = np.sqrt(np.mean((batch.wrench / batch.std)[500:] ** 2))
         assert bool(0.6 < size < 1.2) is honest
         assert (not batch.contacts) is honest
@@ -155,7 +155,7 @@ def test_false_alarms_are_as_many_as_stated(settings: dict[str, Any]) -> None:
     for seed in range(12):
         calibration, rig, rng = calibrated(seed)
         R = swinging(rng, 600)
-        batch = _plain(calibration, false_alarm_rate=0.01, **settings).run(free(rig, R, rng), R, times(600))
+        batch = _usual(calibration, false_alarm_rate=0.01, **settings).run(free(rig, R, rng), R, times(600))
         fired += int(np.sum((batch.statistic > batch.threshold)[100:]))
     assert 30 <= fired <= 120
 
@@ -167,7 +167,7 @@ def _pushed(
     R = swinging(rng, 1500)
     wrench = free(rig, R, rng)
     wrench[begin:end] += push
-    compensator = _plain(calibration, **settings)
+    compensator = _usual(calibration, **settings)
     return compensator.run(wrench, R, times(1500)), compensator.last_contact
 
 
@@ -228,7 +228,7 @@ def test_a_new_zero_in_another_orientation() -> None:
     calibration, rig, rng = calibrated(5)
     moved = np.array([2.0, -3.0, 5.0, 0.1, -0.2, 0.05])
     for drift in (None, TYPICAL_DRIFT):
-        compensator = _plain(calibration, drift=drift)
+        compensator = _usual(calibration, drift=drift)
         R = still(rng, 300)
         assert compensator.run(free(rig, R, rng) + moved, R, times(300)).contact[20:].all()
         zero = compensator.zero(cw.Samples(free(rig, R, rng) + moved, R))
@@ -239,7 +239,7 @@ def test_a_new_zero_in_another_orientation() -> None:
             assert np.abs(batch.wrench / batch.std).max() < 6.0
             assert not (batch.contact == 1).any()
             assert not batch.contacts
-    fresh = _plain(calibration)
+    fresh = _usual(calibration)
     fresh.zero(cw.Samples(free(rig, R, rng) + moved, R))
     assert np.abs(fresh(readings(rig, R[:1])[0] + moved, R[0], 5.0).wrench).max() < 0.05
     fresh.reset()
@@ -251,7 +251,7 @@ def test_no_new_zero_in_contact_whose_beginning_was_seen() -> None:
     R = still(rng, 1000)
     wrench = free(rig, R, rng)
     wrench[500:, 0] += 2.0
-    compensator = _plain(calibration)
+    compensator = _usual(calibration)
     compensator.run(wrench, R, times(1000))
     held = cw.Samples(wrench[600:], R[600:])
     with pytest.raises(InputError) as caught:
@@ -266,7 +266,7 @@ def test_no_new_zero_in_contact_whose_beginning_was_seen() -> None:
 
 def test_no_new_zero_while_moving_scattering_or_with_too_few_samples() -> None:
     calibration, rig, rng = calibrated(7)
-    compensator = _plain(calibration)
+    compensator = _usual(calibration)
     R = still(rng, 400)
     good = free(rig, R, rng)
 
@@ -310,6 +310,6 @@ def test_random_orientations_of_a_batch_are_taken_as_they_are() -> None:
     """Jumps from one orientation to another, as in a table of poses, are refused nowhere and compensated right."""
     calibration, rig, rng = calibrated(9, exact=True)
     R = random_rotations(50, rng)
-    batch = _plain(calibration, rate=None).run(readings(rig, R), R, np.arange(50.0) * 0.1)
+    batch = _usual(calibration, rate=None).run(readings(rig, R), R, np.arange(50.0) * 0.1)
     assert np.abs(batch.wrench).max() < 1e-6
     assert batch.valid.all()

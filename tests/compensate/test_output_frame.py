@@ -42,9 +42,9 @@ def test_a_push_at_the_tcp_comes_out_as_it_was(frame: str) -> None:
 @cache
 def _repeated() -> tuple[cw.Samples, list[cw.Calibration]]:
     """Pushes, and calibrations of their tool from as many recordings."""
-    rig, R, rng = example(2, poses=10)
+    rig, R, rng = example(2, poses=6)
     samples = _pushed(rig, 6, rng)[0]
-    return samples, [cw.calibrate(each, "mount", noise=NOISE) for each in samples_of_a_design(rig, R, 64, rng)]
+    return samples, [cw.calibrate(each, "mount", noise=NOISE) for each in samples_of_a_design(rig, R, 38, rng)]
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_std_is_carried_along(frame: str, point: Array | None) -> None:
 @pytest.mark.parametrize("frame", ["flange", "base"])
 def test_std_of_a_strong_push_counts_the_axes_that_are_uncertain(frame: str) -> None:
     """100 N turned from sensor axes by a mounting that is known to a few mrad: an error of tenths of a newton."""
-    rig, _, rng = example(2, poses=10)
+    rig, _, rng = example(2, poses=6)
     at = random_rotations(1, rng)
     strong = cw.Samples(readings(rig, at) + np.array([[0.0, 0.0, 100.0, 0.0, 0.0, 0.0]]), at)
     found, stds = [], []

@@ -37,12 +37,12 @@ def _off(calibration: cw.Calibration, rig: Rig) -> Array:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("weight", "flipped"), [(2.0, False), (50.0, True)], ids=["light", "heavy, sensor against the flange"]
+    ("mount_deg", "base_deg", "weight"),
+    [(0.0, 0.0, 2.0), (0.0, 0.0, 50.0), (2.0, 0.0, 2.0), (0.0, 1.0, 50.0), (2.0, 1.0, 2.0), (2.0, 1.0, 50.0)],
 )
-@pytest.mark.parametrize(("mount_deg", "base_deg"), [(0.0, 0.0), (2.0, 0.0), (0.0, 1.0), (2.0, 1.0)])
-def test_near_nominal_it_is_about_as_good_as_the_best_rung(
-    weight: float, mount_deg: float, base_deg: float, flipped: bool
-) -> None:
+def test_near_nominal_it_is_about_as_good_as_the_best_rung(mount_deg: float, base_deg: float, weight: float) -> None:
+    """A light tool, or a heavy one with the sensor against the flange."""
+    flipped = weight > 10.0
     rig, _, rng = example(11)
     rig = replace(rig, weight=weight)
     squares: dict[str, list[float]] = {}
@@ -188,7 +188,7 @@ def test_rungs_that_the_poses_cannot_tell_are_left_out() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(100, 106))
+@pytest.mark.parametrize("seed", range(100, 104))
 def test_three_poses_never_state_a_noise_of_nothing(seed: int) -> None:
     """With every tilt free three poses can fit all forces exactly: refused, or an honest std."""
     rig, R, rng = example(seed, poses=3)
@@ -210,7 +210,7 @@ def test_torques_that_any_tool_fits_leave_no_noise_and_are_refused(sign: float) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_three_poses_at_any_mounting_are_refused_or_right_and_their_sign_is_not_confirmed(seed: int) -> None:
     """A base that is likely level leaves `auto` a noise, yet three directions of gravity lie in one plane."""
     rig, R, rng = example(seed, poses=3)
@@ -249,10 +249,8 @@ def test_assumptions_and_alternatives_are_saved(tmp_path: object) -> None:
     assert np.array_equal(loaded.parameter_dof, calibration.parameter_dof)  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_the_reaction_is_refused_with_both_readings(seed: int) -> None:
-    rig, R, rng = example(seed)
+def test_the_reaction_is_refused_with_both_readings() -> None:
+    rig, R, rng = example(0)
     samples = noisy(rig, R, rng)
     with pytest.raises(AmbiguityError, match=r"--sign reaction.*--gravity 0,0,1"):
         cw.calibrate(cw.Samples(-samples.wrench, R))

@@ -84,7 +84,7 @@ def test_a_step_before_any_pose_leaves_the_last_bias_within_its_std(before: int)
 @pytest.mark.parametrize("last", [1, 2])
 def test_a_step_before_the_last_poses_is_in_the_std_of_the_bias_and_never_good(last: int, poses: int) -> None:
     """Whether the bias stepped or those poses are in contact nobody can know: both are in the mean, and it is said."""
-    for seed in range(3):
+    for seed in range(2):
         rig, R, rng = example(seed, poses=poses)
         wrench = noisy_readings(rig, R, NOISE, rng)
         wrench[:-last] += np.array([0.5, -0.5, 0.7, 0.0, 0.01, 0.0])

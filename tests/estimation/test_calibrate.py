@@ -25,7 +25,7 @@ def _plain_yaw(rig: Rig) -> Rig:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", *RIGID])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_sensor_that_reports_the_reaction_is_refused_with_both_readings(model: str, seed: int) -> None:
     rig, R, rng = example(seed)
     samples = noisy(_plain_yaw(rig), R, rng)
@@ -33,7 +33,7 @@ def test_a_sensor_that_reports_the_reaction_is_refused_with_both_readings(model:
         cw.calibrate(cw.Samples(-samples.wrench, R), model)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_each_of_the_two_readings_is_accepted_once_it_is_stated(seed: int) -> None:
     rig, R, rng = example(seed)
     samples = noisy(rig, R, rng)
@@ -45,7 +45,7 @@ def test_each_of_the_two_readings_is_accepted_once_it_is_stated(seed: int) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_ceiling_robot_is_refused_until_gravity_says_so(seed: int) -> None:
     rig, R, rng = example(seed)
     rig = replace(rig, down=np.array([0.0, 0.0, 1.0]))
@@ -64,7 +64,7 @@ def test_the_ceiling_message_gives_the_direction_to_state() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("model", ["mount", "mount+base"])
 def test_one_mirrored_axis_is_refused(model: str, seed: int) -> None:
     """Force and torque about one axis with the wrong sign: a ceiling robot, with another mounting."""
@@ -91,7 +91,7 @@ def test_one_mirrored_force_axis_is_a_ceiling_robot() -> None:
     assert readings(ceiling, R) == pytest.approx(readings(rig, R) * np.r_[MIRROR_X, -MIRROR_X])
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_reversed_torque_alone_is_a_mirrored_centre_of_mass(seed: int) -> None:
     rig, R, rng = example(seed)
     samples = noisy(rig, R, rng)
@@ -110,7 +110,7 @@ def test_affine_says_that_a_mirror_is_no_rotation() -> None:
 
 
 @pytest.mark.parametrize("degrees", [40.0, 80.0])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_wall_is_found_by_itself(seed: int, degrees: float) -> None:
     rig, R, rng = example(seed)
     rig = replace(rig, down=tilted_down(np.deg2rad(degrees), rng))
@@ -118,7 +118,7 @@ def test_a_wall_is_found_by_itself(seed: int, degrees: float) -> None:
     assert np.rad2deg(np.arccos(calibration.gravity_direction @ rig.down)) < 2.0
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_right_readings_are_never_refused_for_their_sign(seed: int) -> None:
     """A light tool in much noise, where the negated readings fit nearly as well by chance."""
     rig, R, rng = example(seed, poses=10)

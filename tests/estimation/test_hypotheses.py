@@ -68,7 +68,7 @@ def _errors_in_std(mount_deg: float, base_deg: float, poses: Array, runs: int, s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mount_deg", "base_deg"), [(0.0, 0.0), (0.3, 0.2), (1.4, 0.7), (4.0, 2.0), (7.0, 0.0)])
+@pytest.mark.parametrize(("mount_deg", "base_deg"), [(0.0, 0.0), (0.3, 0.2), (1.4, 0.7), (7.0, 0.0)])
 def test_no_tilt_makes_the_std_of_the_mean_too_small(mount_deg: float, base_deg: float) -> None:
     """Six spread poses, exactly nominal to far beyond: errors of 1.3 std RMS at most (Student's t of few dof: 1.2)."""
     in_std, in_interval = _errors_in_std(mount_deg, base_deg, SPREAD, 8, 77)

@@ -96,7 +96,7 @@ def _problem(seed: int, n: int) -> tuple[Array, Array, np.random.Generator]:
 @pytest.mark.parametrize("size", [20.0, 60.0, 1000.0])
 @pytest.mark.parametrize("alike", [True, False])
 def test_the_search_finds_a_sixth_of_the_poses_whatever_they_hide(size: float, alike: bool) -> None:
-    for seed in range(20):
+    for seed in range(12):
         J, errors, rng = _problem(seed, 24)
         push = rng.normal(size=(1 if alike else 4, 6))
         errors[IN_CONTACT] += size * NOISE * push / np.linalg.norm(push, axis=1, keepdims=True)
@@ -137,13 +137,13 @@ def _off(calibration: cw.Calibration, rig: Rig) -> float:
 def test_four_of_24_in_contact_that_mask_each_other_are_left_out(alike: bool) -> None:
     """Single deletions miss them in one of some hundred data sets. Four that are off by the same may be backlash."""
     sure = 0
-    for seed in range(3000, 3005):
+    for seed in range(3000, 3003):
         rig, bad, calibration = _with_contacts(seed, 4, alike)
         assert bad <= set(_left_out(calibration)), seed
         assert len(_left_out(calibration)) <= 5, seed
         assert _off(calibration, rig) < calibration.expected_error[0], seed
         sure += _off(calibration, rig) < 0.1
-    assert sure == 5
+    assert sure == 3
 
 
 @pytest.mark.slow

@@ -29,7 +29,10 @@ def wrench_of(mass: float = 1.0, z: float = 0.06, R_flange_sensor: Array | None 
 
 
 def found(wrench: Array, model: str = "auto", **stated: object) -> list[Finding]:
-    calibration = cw.calibrate(cw.Samples(wrench, R), model, **stated)  # type: ignore[arg-type]
+    return of_tool(cw.calibrate(cw.Samples(wrench, R), model, **stated))  # type: ignore[arg-type]
+
+
+def of_tool(calibration: cw.Calibration) -> list[Finding]:
     return [finding for finding in calibration.findings if finding.kind in {Kind.IMPLAUSIBLE_TOOL, Kind.DEAD_CHANNEL}]
 
 
@@ -78,10 +81,11 @@ MISTAKES = {
 def test_a_mistake_that_fits_perfectly_is_said(mistake: str, model: str) -> None:
     """Of every model: `affine` has no tool, but its torques are those of one."""
     factors, text = MISTAKES[mistake]
-    (finding,) = found(wrench_of() * factors, model)
+    calibration = cw.calibrate(cw.Samples(wrench_of() * factors, R), model)
+    (finding,) = of_tool(calibration)
     assert finding.text == text
     assert len(finding.text) < 300
-    assert cw.calibrate(cw.Samples(wrench_of() * factors, R), model).verdict == finding.severity
+    assert calibration.verdict == finding.severity
 
 
 FLIPPED = np.diag([1.0, -1.0, -1.0])

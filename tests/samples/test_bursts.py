@@ -149,7 +149,7 @@ def calibrated_as_it_came(folder: Path, each: float | None) -> cw.Calibration:
     return cw.calibrate(cw.read(path, pose_file=pose_file), "mount")
 
 
-@pytest.mark.parametrize("each", [0.05, 0.2, 0.5])
+@pytest.mark.parametrize("each", [0.05, 0.5])
 def test_a_recording_is_calibrated_as_if_it_had_come_evenly(
     tmp_path_factory: pytest.TempPathFactory, each: float
 ) -> None:
@@ -179,14 +179,12 @@ def test_a_table_of_rows_that_have_both(tmp_path: Path, capsys: pytest.CaptureFi
     assert pytest.approx(known.B, abs=1e-9) == as_arrays.B
     even = cw.calibrate(replace(cw.read(path), t=went.t), "mount")
     assert pytest.approx(known.B, abs=0.01) == even.B
-    left = {}
-    for name, times in (("bursts", stamps), ("even", went.t)):
-        rows[:, 0] = times
-        path = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), rows), f"{name}.csv")
-        for more in ("--contact", "--lowpass=5"):
-            out = tmp_path / f"{name}{more}.csv"
-            assert run(capsys, "compensate", path, "-c", tool, more, "-o", out).status == 0
-            read = np.loadtxt(out, delimiter=",", skiprows=1, usecols=range(4))
-            assert read[:, 0] == pytest.approx(times, abs=1e-6)
-            left[name, more] = np.sqrt(np.nanmean(read[:, 1:4] ** 2))
-    assert left["bursts", "--lowpass=5"] == pytest.approx(left["even", "--lowpass=5"], rel=0.1)
+    left = []
+    for times, more in ((stamps, "--contact"), (stamps, "--lowpass=5"), (went.t, "--lowpass=5")):
+        rows[:, 0], out = times, tmp_path / "contact.csv"
+        path = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), rows), "run.csv")
+        assert run(capsys, "compensate", path, "-c", tool, more, "--force", "-o", out).status == 0
+        read = np.loadtxt(out, delimiter=",", skiprows=1, usecols=range(4))
+        assert read[:, 0] == pytest.approx(times, abs=1e-6)
+        left.append(np.sqrt(np.nanmean(read[:, 1:4] ** 2)))
+    assert left[1] == pytest.approx(left[2], rel=0.1)

@@ -56,11 +56,11 @@ def test_visits_are_gathered_whatever_their_order(seed: int, poses: int, rows: i
 
 
 @pytest.mark.slow
-def test_a_million_rows_at_a_few_orientations_are_a_few_poses() -> None:
+def test_hundreds_of_thousands_of_rows_at_a_few_orientations_are_a_few_poses() -> None:
     rng = np.random.default_rng(3)
-    R = np.repeat(random_rotations(5, rng), 200_000, axis=0)
+    R = np.repeat(random_rotations(5, rng), 60_000, axis=0)
     found = _poses(cw.Samples(np.zeros((len(R), 6)), R))
-    assert [pose.n for pose in found] == [200_000] * 5
+    assert [pose.n for pose in found] == [60_000] * 5
 
 
 def test_no_rows_no_poses() -> None:

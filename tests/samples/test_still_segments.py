@@ -170,11 +170,10 @@ def creeping(seed: int, stop: float, shape: Callable[[Array], Array]) -> Callabl
     return creep
 
 
-@pytest.mark.parametrize("rate", [10.0, 200.0])
+@pytest.mark.parametrize(("rate", "stop"), [(10.0, 5.0), (200.0, 2.0)])
 @pytest.mark.parametrize(
     "shape", [np.array, np.sqrt, lambda way: np.exp(-4.0 * way)], ids=["even", "slowing", "decaying"]
 )
-@pytest.mark.parametrize("stop", [2.0, 5.0])
 def test_a_sensor_that_creeps_is_weighed_and_not_refused(
     rate: float, shape: Callable[[Array], Array], stop: float
 ) -> None:
