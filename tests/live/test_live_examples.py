@@ -63,8 +63,7 @@ def test_the_loop_prints_the_contact_force(lab: tuple[Lab, list[str]], calibrati
 def test_the_guarded_move_stops_at_contact(
     lab: tuple[Lab, list[str]], calibration: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """After a few of its steps, of half a second each: the workpiece lies 2.6 cm higher, 4 mm below the first of them.
-    """
+    """After a few of its steps, of half a second each: the workpiece lies 2.6 cm higher, 4 mm below the first one."""
     monkeypatch.setattr("contactwrench.lab.rig.WORKPIECE", WORKPIECE + 0.026)
     out = _run("live_guarded_move.py", *lab[1], calibration)
     assert out.startswith("contact at ")
