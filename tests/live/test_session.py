@@ -324,7 +324,12 @@ def test_why_a_verdict_is_not_good_is_said(at_poses: dict[int, Driver], pushed: 
 def test_what_is_accepted_is_written_where_that_is_wanted(at_fit: Driver, tmp_path: Path) -> None:
     """Going on from the fit accepts it; a check that then fails is in the file, too."""
     saved, written = tmp_path / "cal.json", deepcopy(at_fit)
-    written.session._save = lambda cal: cal.save(saved) or "cal.json"
+
+    def save(cal: cw.Calibration) -> str:
+        cal.save(saved)
+        return "cal.json"
+
+    written.session._save = save
     assert not saved.exists()
     written.do(Command.NEXT)
     assert written.said("saved") == ["calibration written to cal.json"]
