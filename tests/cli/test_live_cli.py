@@ -41,8 +41,9 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def devices() -> Iterator[tuple[str, str]]:
-    """The URIs of a sensor and a robot that are there."""
+def devices(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, str]]:
+    """The URIs of a sensor and a robot that are there, and believed at a glance to have their rates."""
+    monkeypatch.setattr("contactwrench.live.devices.PROBE", (0.05, 10.0))
     with Sri(Plain()) as sri, Ur(Plain()) as ur:
         yield sri.uri, ur.uri
 
@@ -246,7 +247,7 @@ def test_events_are_said_in_words_too_to_whoever_is_at_the_wizard(
 ) -> None:
     def a_moment(pump: Pump, *_: object) -> None:
         pump.start()
-        pump.wait(0.5)
+        pump.wait(0.2)
         pump.close()
 
     monkeypatch.setattr("contactwrench.cli.live._until_a_signal", a_moment)
@@ -343,7 +344,7 @@ def test_a_recording_played_is_the_recording_compensated(tmp_path: Path, capsys:
     rig, poses, rng = example(3)
     known = replace(cw.calibrate(noisy(rig, poses, rng), "mount"), delay=0.004, delay_std=1e-5)
     known.save(tmp_path / "cal.json")
-    t = np.arange(12_000) / 1000.0
+    t = np.arange(4_000) / 1000.0
     arm = noisy(rig, smooth_rotations(t, rng), rng)
     rows = np.column_stack([t, arm.wrench, arm.R_base_flange.reshape(-1, 9)])
     recording = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), rows), "run.csv")

@@ -90,12 +90,15 @@ def _of_its_own(folder: Path, *arguments: str) -> subprocess.CompletedProcess[st
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of any bytes")
-def test_a_name_that_is_no_text_is_read_and_said(tmp_path: Path) -> None:
+def test_a_name_that_is_no_text_is_read_and_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
     pytest.importorskip("mujoco")
     name = "\udcff"
     (tmp_path / f"{name}.csv").write_text("qx,qy,qz,qw\n0,1,0,0\n")
-    done = _of_its_own(tmp_path, "simulate", "-o", "out.mcap", "--poses", f"{name}.csv")
-    assert (done.returncode, done.stderr) == (0, "")
+    monkeypatch.chdir(tmp_path)
+    simulated = run(capsys, "simulate", "-o", "out.mcap", "--poses", f"{name}.csv")
+    assert (simulated.status, simulated.err) == (0, "")
     assert json.loads((tmp_path / "out.truth.json").read_text())["command"]["poses"] == "\\xff.csv"
     (tmp_path / "out.mcap").rename(tmp_path / f"{name}.mcap")
     done = _of_its_own(tmp_path, "info", f"{name}.mcap", "--json")
@@ -106,21 +109,15 @@ def test_a_name_that_is_no_text_is_read_and_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="arguments of any bytes")
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ("calibrate", str(PANDA), "--base-frame", "\udcff", "-o", "tool.json"),
-            "found '\\udcff', which is not UTF-8, expected a text that is: write it so",
-        ),
-        (
-            ("live", "--sensor", "udp://\udcff:1"),
-            "udp://\\udcff:1: found no URI ('utf-8' codec can't encode character '\\udcff' in position 0: surrogates "
-            "not allowed), expected one like sri://192.168.0.108:4008",
-        ),
-    ],
-)
-def test_a_text_that_is_no_text_is_said(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
-    done = _of_its_own(tmp_path, *arguments)
-    assert (done.returncode, done.stderr) == (2, f"contactwrench: {message}\n")
+def test_a_text_that_is_no_text_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "calibrate", PANDA, "--base-frame", "\udcff", "-o", "tool.json").complaint == (
+        "found '\\udcff', which is not UTF-8, expected a text that is: write it so"
+    )
+    done = _of_its_own(tmp_path, "live", "--sensor", "udp://\udcff:1")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "contactwrench: udp://\\udcff:1: found no URI ('utf-8' codec can't encode character '\\udcff' in position 0: "
+        "surrogates not allowed), expected one like sri://192.168.0.108:4008\n",
+    )
     assert not any(tmp_path.iterdir())

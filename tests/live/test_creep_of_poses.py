@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+import contactwrench as cw
 from contactwrench.calibration.findings import Kind
 from contactwrench.live.fitting import Stated, fitted
 from contactwrench.live.pose_taking import Taken
@@ -34,22 +35,24 @@ def taken(share: float, seconds: float, seed: int, walk: float = 0.0) -> tuple[T
     return tuple(poses)
 
 
-def doubted(poses: tuple[Taken, ...]) -> bool:
-    found = fitted(poses, (), Stated(), "test")
-    assert found.calibration is not None
-    return "doubtful" in [each.severity for each in found.calibration.findings if each.kind is Kind.CREEP]
+def fit(poses: tuple[Taken, ...]) -> cw.Calibration:
+    found = fitted(poses, (), Stated(), "test").calibration
+    assert found is not None
+    return found
+
+
+def doubted(found: cw.Calibration) -> bool:
+    return "doubtful" in [each.severity for each in found.findings if each.kind is Kind.CREEP]
 
 
 @pytest.mark.parametrize(("share", "seconds"), [(0.05, 2.0), (0.02, 1.5)])
 def test_a_creeping_sensor_is_doubtful(share: float, seconds: float) -> None:
-    poses = taken(share, seconds, seed=1)
-    found = fitted(poses, (), Stated(), "test").calibration
-    assert found is not None
+    found = fit(taken(share, seconds, seed=1))
     assert found.weight is not None
     assert 9.0 - 3.0 * found.std["weight"] < found.weight < 9.0
-    assert doubted(poses)
+    assert doubted(found)
 
 
 @pytest.mark.parametrize(("walk", "seed"), [(0.0, 2), (0.0, 3), (0.05, 4)])
 def test_one_that_does_not_is_not(walk: float, seed: int) -> None:
-    assert not doubted(taken(0.0, 1.0, seed, walk))
+    assert not doubted(fit(taken(0.0, 1.0, seed, walk)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from contactwrench.live.push_test import Push
 from tests.live.test_creep_of_poses import taken
 from tests.support.live_world import LiveWorld
 
-UP = (0.0, 0.0, 1.0)
+UP, PULL = (0.0, 0.0, 1.0), Stated(sign="pull")
 POSES = taken(0.0, 1.0, seed=5)
 
 
@@ -22,15 +24,21 @@ def push(towards: str, along: tuple[float, float, float]) -> Push:
     return Push(towards, force, np.array([0.0, 0.0, 0.0, 1.0]))
 
 
+@cache
+def fit(stated: Stated) -> Fitted:
+    """Without a push."""
+    return fitted(POSES, (), stated, "test")
+
+
 def doubts(found: Fitted) -> list[str]:
     assert found.calibration is not None
     return [each.text for each in found.calibration.findings if each.kind is Kind.SIGN_NOT_CONFIRMED]
 
 
 def test_without_a_push_the_sign_is_doubtful_unless_it_was_stated() -> None:
-    (said,) = doubts(fitted(POSES, (), Stated(), "test"))
+    (said,) = doubts(fit(Stated()))
     assert said.startswith("doubtful: the sign of the readings was not tested: ")
-    assert doubts(fitted(POSES, (), Stated(sign="pull"), "test")) == []
+    assert doubts(fit(PULL)) == []
 
 
 def test_a_push_that_went_the_other_way_hangs_the_robot_and_is_doubtful() -> None:
@@ -54,6 +62,6 @@ def test_the_right_pushes_are_doubtful_only_against_what_was_stated(stated: Stat
 
 @pytest.mark.parametrize(("passed", "verdict"), [(True, "good"), (False, "doubtful")])
 def test_a_check_that_failed_makes_the_verdict_doubtful(passed: bool, verdict: str) -> None:
-    calibration = fitted(POSES, (), Stated(sign="pull"), "test").calibration
+    calibration = fit(PULL).calibration
     assert calibration is not None
     assert with_check(calibration, passed, "3 N are left").verdict == verdict

@@ -18,20 +18,20 @@ from contactwrench.samples.samples import OrientationStream, Streams, WrenchStre
 from tests.support.in_motion import Moving, moving
 from tests.support.world import Array
 
-LATE = 0.02
+SEED, LATE = 61, 0.02
 """s by which the wrench is stamped behind the orientation."""
 
 
 @lru_cache
-def stopped_and_gone(seed: int) -> Moving:
+def stopped_and_gone() -> Moving:
     """Twelve stops, and little else."""
-    return moving(seed, stops=12, seconds=0.1, rate=500.0)
+    return moving(SEED, stops=12, seconds=0.1, rate=500.0)
 
 
 @lru_cache
-def of_stops(seed: int) -> cw.Calibration:
+def of_stops() -> cw.Calibration:
     """As a session has it from the poses that it took."""
-    return cw.calibrate(stopped_and_gone(seed).samples())
+    return cw.calibrate(stopped_and_gone().samples())
 
 
 def streams_of(arm: Moving, *, push: Array | None = None, position: Array | None = None, rate: int = 125) -> Streams:
@@ -43,15 +43,20 @@ def streams_of(arm: Moving, *, push: Array | None = None, position: Array | None
     return Streams(WrenchStream(rec.t + LATE, wrench), OrientationStream(rec.t[every], rec.R_base_flange[every], place))
 
 
-def fitted(seed: int, streams: Streams) -> cw.Calibration:
-    return with_inertia(with_delay(of_stops(seed), streams), streams)
+@lru_cache
+def delayed() -> cw.Calibration:
+    """With the delay that the motion tells."""
+    return with_delay(of_stops(), streams_of(stopped_and_gone()))
 
 
-@pytest.mark.parametrize("seed", [61, 62])
-def test_the_motion_between_the_poses_tells_the_inertia(seed: int) -> None:
-    arm = stopped_and_gone(seed)
-    streams = streams_of(arm)
-    found = fitted(seed, streams)
+@lru_cache
+def moved() -> cw.Calibration:
+    """And with the inertia."""
+    return with_inertia(delayed(), streams_of(stopped_and_gone()))
+
+
+def test_the_motion_between_the_poses_tells_the_inertia() -> None:
+    arm, found = stopped_and_gone(), moved()
     assert found.dynamics is not None
     assert found.inertia is not None
     assert found.sensor_offset is not None
@@ -63,8 +68,8 @@ def test_the_motion_between_the_poses_tells_the_inertia(seed: int) -> None:
     assert found.verdict == "good"
     assert found.delay is not None
     assert 0.0 < found.delay - LATE < 0.5 / np.pi / arm.settings.sensor.low_pass  # its filter makes readings late, too
-    assert found.weight == of_stops(seed).weight
-    work = moving(seed + 10, stops=0, seconds=4.0, rate=500.0).samples()
+    assert found.weight == of_stops().weight
+    work = moving(SEED + 10, stops=0, seconds=4.0, rate=500.0).samples()
     assert work.t is not None
     left = cw.Compensator(found, delay=0.0, noise=0.05, lowpass=20.0).run(
         work.wrench, work.R_base_flange, work.t, position=work.position
@@ -73,10 +78,9 @@ def test_the_motion_between_the_poses_tells_the_inertia(seed: int) -> None:
 
 
 def test_few_of_the_readings_tell_as_much(monkeypatch: pytest.MonkeyPatch) -> None:
-    streams = streams_of(stopped_and_gone(61))
-    whole = fitted(61, streams)
+    streams, whole = streams_of(stopped_and_gone()), moved()
     monkeypatch.setattr(fitting, "MOST_ROWS", len(streams.wrench) // 2)
-    half = fitted(61, streams)
+    half = with_inertia(delayed(), streams)
     assert whole.inertia is not None
     assert half.inertia == pytest.approx(whole.inertia, abs=3.0 * float(np.max(whole.std["inertia"])))
 
@@ -90,10 +94,9 @@ def dragged(arm: Moving) -> Array:
 
 
 def test_nothing_is_taken_from_a_motion_that_is_not_free_or_not_told() -> None:
-    seed = 61
-    arm = stopped_and_gone(seed)
+    arm = stopped_and_gone()
     place = arm.recorded.position[::4]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(SEED)
     cases = {
         "led by the tool": streams_of(arm, push=dragged(arm)),
         "in mm": streams_of(arm, position=1e3 * place),
@@ -112,10 +115,10 @@ def test_nothing_is_taken_from_a_motion_that_is_not_free_or_not_told() -> None:
         "without": "the robot's poses have no positions",
     }
     for name, streams in cases.items():
-        found = fitted(seed, streams)
+        found = with_inertia(delayed(), streams)
         assert found.dynamics is None, name
         (said,) = (finding.text for finding in found.findings if finding.kind is Kind.UNTOLD_BY_MOTION)
         told = "the tool's inertia is not known, and reads as contact while the arm accelerates: "
         assert said.startswith(told + why.get(name, "")), name
-        assert found.verdict == of_stops(seed).verdict
-    assert with_inertia(of_stops(seed), None) is of_stops(seed)
+        assert found.verdict == of_stops().verdict
+    assert with_inertia(of_stops(), None) is of_stops()

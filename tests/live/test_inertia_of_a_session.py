@@ -34,6 +34,10 @@ def at_rest() -> Felt:
     return felt(swung(), Devices(pose_rate=125, position=False))
 
 
+felt_once = lru_cache(felt)
+"""The same for each test that asks no more of it than what was felt."""
+
+
 def inertia_said(found: Felt) -> list[tuple[str, str, str]]:
     return [each for each in found.said if each[0] in ("inertia", "no_motion")]
 
@@ -41,7 +45,7 @@ def inertia_said(found: Felt) -> list[tuple[str, str, str]]:
 @pytest.mark.parametrize(("pose_rate", "less", "jitter"), [(500, 40.0, 0.0), (500, 40.0, 0.005), (125, 13.0, 0.005)])
 def test_free_motion_is_no_contact(pose_rate: int, less: float, jitter: float) -> None:
     """Also where a network is up to 5 ms late: times are the devices' own."""
-    found = felt(swung(), Devices(pose_rate, jitter))
+    found = felt_once(swung(), Devices(pose_rate, jitter))
     assert found.rms(MOVES) < at_rest().rms(MOVES) / less
     assert found.rows.valid.all()
     assert not (found.rows.contact == 1).any()
@@ -133,7 +137,7 @@ def test_the_offset_of_a_tcp_is_undone() -> None:
         )
 
     found = fed((now, sensor, of_tcp(robot)) for now, sensor, robot in Devices(500).turns(arm))
-    assert found.rms(MOVES) == pytest.approx(felt(arm, Devices(500)).rms(MOVES), rel=0.02)
+    assert found.rms(MOVES) == pytest.approx(felt_once(arm, Devices(500)).rms(MOVES), rel=0.02)
 
 
 def played(replay: Replay) -> Iterator[tuple[float, Batch, Batch]]:

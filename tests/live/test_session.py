@@ -24,19 +24,33 @@ WISH = Wish(poses=6)
 FLIPPED = Rotation.from_euler("zx", [-120.0, 176.0], degrees=True)
 
 
+def refused(_: cw.Calibration) -> str:
+    raise already_there("cal.json")
+
+
 def world(seed: int, **named: object) -> LiveWorld:
     return LiveWorld(seed, rate=125, pose_rate=125, **named)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
 def at_poses() -> dict[int, Driver]:
-    """A session of the usual world that nobody touches, kept when 2, 5 and 8 poses are taken: for copies of it."""
-    drive, kept = Driver(world(6), wish=WISH), dict[int, Driver]()
+    """A session of the usual world that nobody touches, kept when 2, 5, 6 and 8 poses are taken: for copies of it. What
+    it accepts it would write where a file is.
+    """
+    drive, kept = Driver(world(6), wish=WISH, save=refused, save_accepted=True), dict[int, Driver]()
     drive.push_test()
-    for count in (2, 5, 8):
+    for count in (2, 5, 6, 8):
         drive.poses(count)
         kept[count] = deepcopy(drive)
     return kept
+
+
+@pytest.fixture(scope="module")
+def at_fit(at_poses: dict[int, Driver]) -> Driver:
+    """The same, when six poses are fitted."""
+    drive = deepcopy(at_poses[6])
+    drive.do(Command.NEXT)
+    return drive
 
 
 @pytest.fixture(scope="module")
@@ -96,11 +110,12 @@ def test_the_wizard_finds_the_tool_the_sign_and_the_delay(named: dict[str, objec
     assert [text for text in drive.said("contact") if "ended" in text]
 
 
-def test_pushes_that_contradict_the_poses_are_said() -> None:
-    """A push towards +y where +x was asked for would settle the sign by chance: it is refused."""
-    drive = Driver(world(2), wish=WISH)
+def test_pushes_that_contradict_the_poses_are_said(at_poses: dict[int, Driver]) -> None:
+    """A push towards +y where +x was asked for would settle the sign by chance: it is refused. Made after the poses."""
+    drive = deepcopy(at_poses[6])
+    for command in (Command.BACK, Command.RETAKE, Command.BACK):
+        drive.do(command)
     drive.push_test(along=(0.0, 1.0, 0.0))
-    drive.poses(6)
     drive.do(Command.NEXT)
     fit = drive.shown().fit
     assert fit is not None
@@ -306,15 +321,15 @@ def test_why_a_verdict_is_not_good_is_said(at_poses: dict[int, Driver], pushed: 
     assert said == [] if pushed else [("warning", f"doubtful: {NOT_TESTED}")]
 
 
-def refused(_: cw.Calibration) -> str:
-    raise already_there("cal.json")
-
-
-def test_what_is_accepted_is_written_where_that_is_wanted(tmp_path: Path) -> None:
+def test_what_is_accepted_is_written_where_that_is_wanted(at_fit: Driver, tmp_path: Path) -> None:
     """Going on from the fit accepts it; a check that then fails is in the file, too."""
-    saved = tmp_path / "cal.json"
-    written = Driver(world(6), wish=WISH, save=lambda cal: cal.save(saved) or "cal.json", save_accepted=True)
-    written.calibrated()
+    saved, written = tmp_path / "cal.json", deepcopy(at_fit)
+
+    def save(cal: cw.Calibration) -> str:
+        cal.save(saved)
+        return "cal.json"
+
+    written.session._save = save
     assert not saved.exists()
     written.do(Command.NEXT)
     assert written.said("saved") == ["calibration written to cal.json"]
@@ -332,9 +347,9 @@ def test_what_is_accepted_is_written_where_that_is_wanted(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("wanted", [True, False])
-def test_a_file_that_is_there_is_kept_and_said(wanted: bool) -> None:
-    drive = Driver(world(6), wish=WISH, save=refused, save_accepted=wanted)
-    drive.calibrated()
+def test_a_file_that_is_there_is_kept_and_said(at_fit: Driver, wanted: bool) -> None:
+    drive = deepcopy(at_fit)
+    drive.session._save_accepted = wanted
     drive.do(Command.NEXT)
     assert drive.session.phase is Phase.VERIFY
     assert drive.session.saved == ""

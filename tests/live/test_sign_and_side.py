@@ -19,7 +19,7 @@ ROWS, STRENGTH = 40, 9.0
 
 
 def found(true: LiveWorld, stated: Stated, pushed_at: Rotation, frame: str = "sensor") -> Fitted:
-    """From ten poses at random and both pushes at one orientation."""
+    """From eight poses at random and both pushes at one orientation."""
     rng = np.random.default_rng(true.seed)
 
     def read(R: Rotation, push: Array) -> Array:
@@ -31,7 +31,7 @@ def found(true: LiveWorld, stated: Stated, pushed_at: Rotation, frame: str = "se
         return reading
 
     poses = []
-    for k, R in enumerate(Rotation.random(10, random_state=true.seed)):
+    for k, R in enumerate(Rotation.random(8, random_state=true.seed)):
         noise = rng.normal(size=(ROWS, 6)) * ([true.noise] * 3 + [0.02 * true.noise] * 3)
         t: Array = 5.0 * k + 0.01 * np.arange(ROWS, dtype=np.float64)
         poses.append(Taken(t, read(R, np.zeros(3)) + noise, np.tile(R.as_quat(), (ROWS, 1))))
