@@ -136,8 +136,8 @@ def test_the_columns_of_a_file_and_their_units(tmp_path: Path, capsys: pytest.Ca
     out = run(capsys, "info", path).out.lower()
     assert out.startswith(
         f"{path}\ntable, 60 rows of 95 columns\n  ft/wrench[0:6], robot/r[0:9], robot/r_flat[0:9], robot/t[0:16], "
-        "robot/t_by_columns[0:16], robot/t_flat[0:16], robot/abc[0:3], robot/quat[0:4], robot/xyz_quat[0:7], robot/xyz_wxyz[0:7], short, "
-        "time\n"
+        "robot/t_by_columns[0:16], robot/t_flat[0:16], robot/abc[0:3], robot/quat[0:4], robot/xyz_quat[0:7], "
+        "robot/xyz_wxyz[0:7], short, time\n"
     )
     units = {"a": np.ones((2, 6)), "b": np.ones((2, 3)), "c": np.ones((2, 2)), "d": np.ones(2), "e": np.ones((2, 1))}
     stated = {"a": "N, Nm", "b": b"mm", "c": ["V", "A"], "d": "ms", "e": 3}

@@ -1,8 +1,8 @@
 """Which columns the datasets of an HDF5 file stand for: by their own names, or as `--hdf5` says.
 
-A dataset (n,) is a column, one of (n, k) stands for columns `path[0]` to `path[k-1]`, and so does one of matrices, 3 x 3
-row by row, 4 x 4 column by column as a list of 16 has them. An attribute `units` belongs to the name, as if it stood
-there in brackets.
+A dataset (n,) is a column, one of (n, k) stands for columns `path[0]` to `path[k-1]`, and so does one of matrices,
+3 x 3 row by row, 4 x 4 column by column as a list of 16 has them. An attribute `units` belongs to the name, as if it
+stood there in brackets.
 """
 
 from __future__ import annotations
