@@ -126,7 +126,7 @@ def likely_with(
 
 
 def _optima(members: Members, base: AlikeOnAxes, turns: Turns, kernels: Kernels) -> dict[int, Turned]:
-    """Where the members of each drift are, with `turns` of other poses or of another tool."""
+    """Of each drift where its members are, whatever their hypothesis; with `turns` of other poses, or another tool."""
     found = {}
     for k, variance, strength, sd in zip(members.kernel, members.variance, members.strength, members.turn, strict=True):
         drift = int(kernels.drift[k])

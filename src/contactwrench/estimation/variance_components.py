@@ -242,7 +242,9 @@ def _of_pairs_drift_first(V: Turned, W: Array, known: Array) -> Array:
     K, m = V.first_covariance, len(W)
     of_axes = W.transpose(1, 0, 2)
     shared = known @ (of_axes.transpose(0, 2, 1) @ (K @ of_axes))
-    of_turns = V.weighted_columns - W @ (known @ np.tensordot(W, V.columns, ((0, 1), (0, 1))))  # P times the turns
+    c, of_J = V.columns.shape[2], W[:, :, V.columns.shape[2] :]
+    of_turns = W[:, :, :c] @ known[:c, :c]  # V^-1 times the turns: no difference of what is nearly equal
+    of_turns = of_turns - of_J @ (known[c:, c:] @ np.tensordot(of_J, V.columns, ((0, 1), (0, 1))))
     traces = np.zeros((7, 7))
     traces[:6, :6] = np.einsum("aij,bji->ab", shared, shared)
     traces[range(6), range(6)] += m - 2.0 * np.trace(shared, axis1=1, axis2=2)

@@ -87,7 +87,7 @@ FEWEST_TIMES, SLOWEST_STEP, LONGEST = 200, 1.0, 1e4
 numbers, or go on for longer than so many s.
 """
 SLOWER_UNITS = ((1e3, "ms"), (1e6, "us"), (np.inf, "ns"))
-"""Of steps that would be so many s or less."""
+"""Of steps that would be less than so many s."""
 
 
 def likely_unit(t: Array | None) -> tuple[str, float] | None:

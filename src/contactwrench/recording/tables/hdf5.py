@@ -62,7 +62,7 @@ def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
         every = [_Group("/", None)] if in_file else _groups(file, source)
         groups = [group for group in every if group.episode == naming.episode] or every
         one, orientation = file[groups[0].path], naming.orientation
-        fields = fields_found(one, source) if stated is None else fields_of_roles(one, stated, orientation, source)
+        fields = fields_found(one) if stated is None else fields_of_roles(one, stated, orientation, source)
     if not fields:
         raise FileFormatError(
             f"{source}: found no dataset of numbers (n,) or (n, k), expected one for each column or list: name them "
@@ -142,7 +142,7 @@ def _groups(file: Any, source: str) -> list[_Group]:
 def _longest(group: Any, source: str) -> int:
     """The number of rows of the longest dataset."""
     with _readable(source):
-        length = max((len(group[field.path[0]]) for field in fields_found(group, source)), default=0)
+        length = max((len(group[field.path[0]]) for field in fields_found(group)), default=0)
     require_room(source, length, "rows", BYTES_PER_ROW)
     return length
 

@@ -1,21 +1,18 @@
 """Which columns the datasets of an HDF5 file stand for: by their own names, or as `--hdf5` says.
 
-A dataset (n,) is a column, one of (n, k) stands for columns `path[0]` to `path[k-1]`, and so does one of matrices,
-3 x 3 row by row, 4 x 4 column by column as a list of 16 has them. An attribute `units` belongs to the name, as if it
-stood there in brackets.
+A dataset (n,) is a column, one of (n, k) stands for columns `path[0]` to `path[k-1]`, and so does one of 3 x 3
+matrices, row by row. An attribute `units` belongs to the name, as if it stood there in brackets.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from math import prod
 from typing import Any, TypeGuard
 from zlib import decompressobj
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import CONVENTIONS, convention
@@ -32,20 +29,16 @@ MOST_BY_GZIP = 1032
 """Bytes that one byte can become (zlib's technical details)."""
 
 
-def fields_found(group: Any, source: str) -> list[Field]:
+def fields_found(group: Any) -> list[Field]:
     """The columns that all datasets of a group stand for."""
     fields: list[Field] = []
 
     def visit(path: str, item: Any) -> None:
-        if holds_numbers(item) and width_of(item) <= MOST_ELEMENTS:
-            width, names = width_of(item), dict[int, str]()
-            if item.shape[1:] == (4, 4):
-                with suppress(FileFormatError):  # of what nobody has asked for yet
-                    at = _elements_of_pose(dataset_at(group, path, source), path, source)
-                    names = {int(element): f"{path}[{k}]" for k, element in enumerate(at.T.ravel())}
-            elif len(item.shape) < 3 or item.shape[1:] == (3, 3):
-                names = {k: path if width == 1 else f"{path}[{k}]" for k in range(width)}
-            fields.extend(_with_units(item, path, names))
+        listed = holds_numbers(item) and (len(item.shape) < 3 or item.shape[1:] == (3, 3))
+        if listed and width_of(item) <= MOST_ELEMENTS:
+            width = width_of(item)
+            names = [path] if width == 1 else [f"{path}[{k}]" for k in range(width)]
+            fields.extend(_with_units(item, path, dict(enumerate(names))))
 
     group.visititems(visit)
     return fields
@@ -205,14 +198,7 @@ def _of_pose(dataset: Any, path: str, orientation: str, source: str) -> dict[int
 
 
 def _of_transforms(dataset: Any, path: str, source: str) -> dict[int, str]:
-    """The columns of 4 x 4 poses by their elements."""
-    at = _elements_of_pose(dataset, path, source)
-    rotation = {int(at[i, j]): f"r{i + 1}{j + 1}" for i in range(3) for j in range(3)}
-    return rotation | {int(at[i, 3]): name for i, name in enumerate(POSITION)}
-
-
-def _elements_of_pose(dataset: Any, path: str, source: str) -> NDArray[np.intp]:
-    """Where in a row each entry of a pose stands, (4, 4); that its last row is 0, 0, 0, 1 tells rows from columns."""
+    """The columns of 4 x 4 poses by their elements; that their last row is 0, 0, 0, 1 tells rows from columns."""
     pose = np.asarray(dataset[0], dtype=np.float64).reshape(4, 4) if len(dataset) else np.eye(4)
     row_last, column_last = (bool(np.allclose(last, (0.0, 0.0, 0.0, 1.0))) for last in (pose[3], pose[:, 3]))
     if row_last == column_last:
@@ -220,8 +206,9 @@ def _elements_of_pose(dataset: Any, path: str, source: str) -> NDArray[np.intp]:
             f"{source}: dataset {shown(path)}: found 4 x 4 poses whose rows cannot be told from their columns, "
             "expected 0, 0, 0, 1 as the last row and a position: give the rotations alone"
         )
-    at = np.arange(16).reshape(4, 4)
-    return at if row_last else at.T
+    at = np.arange(16).reshape(4, 4) if row_last else np.arange(16).reshape(4, 4).T
+    rotation = {int(at[i, j]): f"r{i + 1}{j + 1}" for i in range(3) for j in range(3)}
+    return rotation | {int(at[i, 3]): name for i, name in enumerate(POSITION)}
 
 
 def _wrong_shape(dataset: Any, path: str, expected: str, source: str) -> FileFormatError:

@@ -214,8 +214,8 @@ def _numbered(words: list[str], index: int) -> Meaning | None:
     if of in ESTIMATES:
         return Meaning(of, "", of, of, index)
     named, others = _split(words, _OF_LISTS)
-    beside = "".join(dropwhile(_OF_LISTS.__contains__, words))  # O_T_EE, of whose words one says nothing elsewhere
-    for left in ("".join(words), beside, named):
+    after_others = "".join(dropwhile(_OF_LISTS.__contains__, words))  # O_T_EE: EE is one of them, too
+    for left in ("".join(words), after_others, named):
         if left in VECTORS and (left != "tcppose" or "actual" in words):
             return Meaning(left, "", of, " ".join(others), index)
     return None
