@@ -47,14 +47,14 @@ while True:
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
-    """The files of a program that was killed after 1.8 s at 1 kHz, and how many readings it had been given."""
+    """The files of a program that was killed after 2.5 s at 1 kHz, and how many readings it had been given."""
     folder = tmp_path_factory.mktemp("killed")
     repository = Path(__file__).resolve().parents[2]
     environment = os.environ | {"PYTHONPATH": f"{repository / 'src'}:{repository}"}
     command = [sys.executable, "-c", CHILD, str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as child:
         assert child.stdout is not None
-        given = next(int(line) for line in child.stdout if int(line) > 1.8 * RATE)
+        given = next(int(line) for line in child.stdout if int(line) > 2.5 * RATE)
         child.send_signal(signal.SIGKILL)
     assert child.returncode == -signal.SIGKILL
     return folder, given

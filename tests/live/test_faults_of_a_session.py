@@ -91,17 +91,17 @@ class Fault:
 def faults(device: Device) -> Iterator[Fault]:
     """All that a device can have."""
     if device.counts:
-        yield Fault("half the rate", _slower, ("rate",), 0.5, _usual)
+        yield Fault("half the rate", _slower, ("rate",), 1.0, _usual)
     else:
-        yield Fault("answers held up", lambda fake: fake.late(0.3), ("late",), 0.6, lambda fake: fake.late(0.0))
-    yield Fault("silence", lambda fake: fake.silence(0.5), GONE, 0.5)
-    yield Fault("half-open", lambda fake: fake.silence(1.5), GONE, 1.5)
-    yield Fault("refused", lambda fake: fake.refuse(0.7), GONE, 0.7)
+        yield Fault("answers held up", lambda fake: fake.late(0.3), ("late",), 1.0, lambda fake: fake.late(0.0))
+    yield Fault("silence", lambda fake: fake.silence(0.6), GONE, 0.6)
+    yield Fault("half-open", lambda fake: fake.silence(2.2), GONE, 2.2)
+    yield Fault("refused", lambda fake: fake.refuse(1.2), GONE, 1.2)
     if not device.datagrams:
         yield Fault("cut", lambda fake: fake.cut(), GONE)
         yield Fault("cut in two", lambda fake: fake.split(), (), 0.3, lambda fake: fake.split(False))
     else:
-        yield Fault("half datagrams", lambda fake: fake.split(), ("garbage",), 0.3, lambda fake: fake.split(False))
+        yield Fault("half datagrams", lambda fake: fake.split(), ("garbage",), 0.5, lambda fake: fake.split(False))
         if device.connects:
             yield Fault("forgotten", lambda fake: fake.cut(), GONE)
     yield Fault("garbage", lambda fake: fake.garbage(b"\xaa\x55\x00\x1b\xff{garbage}\n"), ("garbage",))
@@ -111,7 +111,7 @@ def faults(device: Device) -> Iterator[Fault]:
         yield Fault("backwards", _backwards, ("disordered",), 0.0, _in_order)
         yield Fault("begins anew", lambda fake: fake.restart(), ("restarted",))
     if device.bad_status is not None:
-        yield Fault("bad status", partial(_bad, word=device.bad_status), ("status", "broken", "saturated"), 0.3, _well)
+        yield Fault("bad status", partial(_bad, word=device.bad_status), ("status", "broken", "saturated"), 0.5, _well)
     if device is DEVICES["sri"]:
         yield Fault("wrong sum", lambda fake: fake.wrong_sum(), ("wrong_sum",))
         yield Fault("wrap", lambda fake: setattr(fake, "counter", 65_500), ("lost", "restarted"), 0.4)
@@ -121,7 +121,7 @@ def faults(device: Device) -> Iterator[Fault]:
                 f"reads {value}",
                 partial(_spoiled, value=value),
                 ("broken", "garbage", "silent"),
-                0.3,
+                0.5,
                 _well,
             )
     if device.stamps:
@@ -136,7 +136,7 @@ def faults(device: Device) -> Iterator[Fault]:
             "frozen",
             _frozen,
             ("frozen",),
-            0.4,
+            0.7,
             _thawed,
         )
 
@@ -277,6 +277,7 @@ def test_no_device_is_forgotten() -> None:
 def test_it_is_closed_while_a_device_is_half_open() -> None:
     fakes, options = _pair(DEVICES["sri"], Swinging())
     with running(fakes, options) as chain:
+        chain.wait(lambda: chain.valid_since(0.0))
         fakes["sensor"].silence(5.0)
         fakes["robot"].silence(5.0)
         assert chain.wait(lambda: all(chain.said(0, ("silent",), uri) for uri in chain.uris.values())) < 1.0

@@ -28,18 +28,11 @@ from contactwrench.lab.rsi import Rsi
 from contactwrench.lab.signals import Plain
 from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind, Source
-from contactwrench.live.sources import ft300, netft, rsi, transport
+from contactwrench.live.sources import ft300, netft, rsi
 from contactwrench.live.sources.ros2 import Ros2
 from contactwrench.live.uri import parsed, source_of
 from tests.live.sources.test_sri_decoder import pieces_of
 from tests.support.devices import KINDS, LOCALHOST, answering, free_port, numbered, read, refusal
-
-
-@pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is not there is not waited for as long as it may take a person's robot."""
-    monkeypatch.setattr(transport, "PATIENCE", 0.5)
-
 
 angle = st.floats(-360.0, 360.0)
 
@@ -180,9 +173,7 @@ OTHERS = {
 
 
 @pytest.mark.parametrize(("change", "said"), OTHERS.values(), ids=OTHERS)
-def test_a_robot_that_sends_something_else_is_told_what(
-    impatient: None, change: Callable[[bytes], bytes], said: str
-) -> None:
+def test_a_robot_that_sends_something_else_is_told_what(change: Callable[[bytes], bytes], said: str) -> None:
     class Other(Rsi):
         def _cycle(self, t: float, number: int) -> bytes:
             return change(super()._cycle(t, number))
@@ -191,7 +182,7 @@ def test_a_robot_that_sends_something_else_is_told_what(
         assert refusal(source_of(robot.uri)) == f"{robot.uri}: found {said}"
 
 
-def test_where_no_robot_sends_that_is_said(impatient: None) -> None:
+def test_where_no_robot_sends_that_is_said() -> None:
     uri = f"rsi://{LOCALHOST}:{free_port()}"
     assert refusal(source_of(uri)) == (
         f"{uri}: found no robot that sends, expected its RSI datagrams: start the program with RSI_MOVECORR"
