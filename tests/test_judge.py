@@ -84,7 +84,7 @@ def test_errors_are_as_large_as_they_say() -> None:
     assert force["robot 0.3 deg"] == pytest.approx(np.hypot(20.0 * np.deg2rad(0.3) * np.sqrt(2.0), of_noise), rel=0.1)
 
 
-@pytest.mark.parametrize("kind", ["steady", "walk"])
+@pytest.mark.parametrize("kind", ["steady", "walk", "drift"])
 def test_the_told_fit_is_as_good_as_it_can_be(kind: str) -> None:
     rng, R, t = np.random.default_rng(7), random_rotations(12, np.random.default_rng(8)), times(12)
     gained = []

@@ -74,14 +74,14 @@ def judged(calibration: cw.Calibration, wrench: Array, R: Array) -> tuple[int, f
 @pytest.mark.parametrize("error", [{"turned": 0.1}, {"pulled": 0.05}, {"turned": 0.1, "pulled": 0.04}])
 @pytest.mark.parametrize("rows", [1, 1000])
 def test_what_the_table_shows_is_no_contact(error: dict[str, float], rows: int) -> None:
-    found = [judged(*recorded(seed, rows, **error))[0] for seed in range(40, 42)]
+    found = [judged(*recorded(seed, rows, **error))[0] for seed in range(40, 45)]
     assert sum(contacts > 0 for contacts in found) == 0, found
 
 
 @pytest.mark.parametrize("rows", [1, 1000])
 def test_a_clean_table_costs_no_sensitivity(rows: int) -> None:
     """Six std of a sample behind the low-pass, and what 12 poses tell of the rest."""
-    forces = [judged(*recorded(seed, rows))[1] for seed in range(40, 43)]
+    forces = [judged(*recorded(seed, rows))[1] for seed in range(40, 46)]
     assert np.median(forces) < 4.5 * ROW[0]
 
 

@@ -90,8 +90,11 @@ def test_inertia_and_offset_are_found_and_how_it_sits() -> None:
 
 @pytest.mark.parametrize(("unit", "name"), [(1.0, "m/s^2"), (1e3 / 9.80665, "mg")])
 def test_its_unit_shows(unit: float, name: str) -> None:
-    sits, _ = mounted_accelerometer(with_readings(Mounted(unit=unit)), _DOWN)
-    assert sits.unit == name
+    found = calibrated_with(with_readings(Mounted(unit=unit)))
+    assert found.dynamics is not None
+    assert found.dynamics.accelerometer is not None
+    assert found.dynamics.accelerometer.unit == name
+    assert found.verdict == "good"
 
 
 def test_a_unit_that_is_none_is_said() -> None:
@@ -105,8 +108,9 @@ def test_a_unit_that_is_none_is_said() -> None:
     assert np.abs(_off(found)).max() < OFTEN
 
 
-def test_exchanged_axes_are_said_and_change_nothing() -> None:
-    found = calibrated_with(with_readings(Mounted(axes=Mounted().axes[[1, 0, 2]])))
+@pytest.mark.parametrize("axes", [[1, 0, 2], [0, 2, 1]])
+def test_exchanged_axes_are_said_and_change_nothing(axes: list[int]) -> None:
+    found = calibrated_with(with_readings(Mounted(axes=Mounted().axes[axes])))
     (said, _) = _said(found)
     assert said.severity is Severity.WARNING
     assert said.text == (

@@ -40,7 +40,7 @@ def poor_fit(calibration: cw.Calibration) -> list[str]:
     return [finding.text for finding in calibration.findings if finding.kind is Kind.POOR_FIT]
 
 
-@pytest.mark.parametrize(("grams", "noise"), [(50.0, 0.05), (150.0, 0.1)])
+@pytest.mark.parametrize(("grams", "noise"), [(50.0, 0.05), (100.0, 0.1), (150.0, 0.1)])
 def test_the_noise_of_an_ordinary_sensor_is_no_poor_fit(grams: float, noise: float) -> None:
     good = 0
     for seed in range(6):

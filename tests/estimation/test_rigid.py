@@ -82,7 +82,7 @@ def test_no_random_mounting_is_missed(seed: int, given_noise: bool) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["yaw", "mount+base"])
+@pytest.mark.parametrize("model", RIGID)
 def test_errors_have_the_size_of_the_bound_and_of_the_stated_covariance(model: str) -> None:
     rig, R, rng = example(21, poses=6)
     rig = _for_model(rig, model, rng)
@@ -198,10 +198,10 @@ def test_weight_com_and_mounting_are_those_of_an_unbiased_sensor() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["yaw", "mount+base"])
+@pytest.mark.parametrize("model", RIGID)
 @pytest.mark.parametrize("given_noise", [True, False])
 def test_held_out_error_is_that_of_an_actual_refit(model: str, given_noise: bool) -> None:
-    rig, R, rng = example(46, poses=8)
+    rig, R, rng = example(46, poses=10)
     rig = _for_model(rig, model, rng)
     samples = noisy(rig, R, rng)
     calibration = cw.calibrate(samples, model, noise=NOISE if given_noise else None)

@@ -36,7 +36,7 @@ def changed(seed: int, R: Array, what: str) -> tuple[cw.Calibration, list[str]]:
     else:
         step = np.array([0.0, 0.0, 0.5]) if what == "along z" else 0.5 * np.array([0.6, -0.6, 0.5])
         wrench[6:] += np.r_[step, 0.0, 0.0, 0.0]
-    found = cw.calibrate(cw.Samples(wrench, R, 10.0 * np.arange(12.0)), "mount")
+    found = cw.calibrate(cw.Samples(wrench, R, 10.0 * np.arange(12.0)))
     said = [each for each in found.findings if each.kind is Kind.WEIGHT_CHANGED and LOOKS_LIKE in each.text]
     assert all(each.severity is Severity.DOUBTFUL for each in said)
     return found, [each.text for each in said]

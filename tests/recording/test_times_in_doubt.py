@@ -86,5 +86,5 @@ def test_two_files_of_which_one_is_in_ms(tmp_path: Path, capsys: pytest.CaptureF
 def test_arrays_with_times_that_are_likely_no_seconds(per_s: float, step: str, unit: str) -> None:
     t, wrench, q = _streams()
     found = cw.calibrate(cw.Samples(wrench, q, np.round(per_s * t, 3)), model="mount").findings
-    said = f"t is likely in {unit}, expected s: 800 samples would come {step} s apart"
+    said = f"t is likely in {unit}, expected s: 800 samples would come {step} s apart; if they do not, give it in s"
     assert [each.text for each in found if each.kind is Kind.TIMES_IN_DOUBT] == [said] * bool(unit)

@@ -37,7 +37,9 @@ def sweep(seed: int, deg_per_s: float = 5.0, lag: float = 0.1, rate: float = 100
     return cw.Samples(late + BIAS + std * rng.normal(size=late.shape), R, t)
 
 
-@pytest.mark.parametrize(("seed", "lag", "rate"), [(40, 0.1, 100.0), (43, 0.4, 100.0), (40, 0.0, 20.0)])
+@pytest.mark.parametrize(
+    ("seed", "lag", "rate"), [(40, 0.1, 100.0), (43, 0.4, 100.0), (40, 0.0, 20.0), (43, 0.0, 20.0)]
+)
 def test_a_slow_sweep_without_stops_is_calibrated(seed: int, lag: float, rate: float) -> None:
     found = cw.calibrate(sweep(seed, lag=lag, rate=rate), "mount")
     assert found.weight is not None
@@ -56,10 +58,10 @@ def test_a_slow_sweep_without_stops_is_calibrated(seed: int, lag: float, rate: f
 def stirred(seed: int, period: float, second: float) -> cw.Samples:
     """A minute and a half of turning to and fro about all axes, with a `period` s and a `second` one, at once."""
     rng = np.random.default_rng(seed)
-    t = np.arange(2250) / 25.0
+    t = np.arange(9000) / 100.0
     turns = [np.sin(2.0 * np.pi * t[:, None] / T + rng.uniform(0.0, 6.28, 3)) for T in (period, second)]
     start = Rotation.from_euler("x", 2.6)
-    R = (start * Rotation.from_rotvec(sum(turns, np.zeros((2250, 3))) * rng.uniform(0.1, 0.25, 3))).as_matrix()
+    R = (start * Rotation.from_rotvec(sum(turns, np.zeros((9000, 3))) * rng.uniform(0.1, 0.25, 3))).as_matrix()
     u = R.transpose(0, 2, 1) @ [0.0, 0.0, -1.0]
     wrench = BIAS + np.hstack([WEIGHT * u, np.cross(COM, WEIGHT * u)])
     std = 0.08 * np.array([1.0, 1.0, 1.0, 0.04, 0.04, 0.04])
@@ -72,10 +74,10 @@ def test_of_a_motion_that_repeats_itself_the_std_counts_the_lag_that_it_does_not
     R = Rotation.random(100, random_state=0).as_matrix()
     u = R.transpose(0, 2, 1) @ [0.0, 0.0, -1.0]
     truth = BIAS + np.hstack([WEIGHT * u, np.cross(COM, WEIGHT * u)])
-    found = cw.calibrate(stirred(0, period, period), "mount")
+    found = cw.calibrate(stirred(0, period, period))
     off = np.abs(found.predict(R) - truth) / found.wrench_std(R)
     assert off.max() < 5.0
-    other = cw.calibrate(stirred(0, period, 0.62 * period), "mount")
+    other = cw.calibrate(stirred(0, period, 0.62 * period))
     assert other.wrench_std(R)[:, :3].mean() < 0.5 * found.wrench_std(R)[:, :3].mean()
 
 
@@ -118,9 +120,9 @@ def test_a_sweep_in_contact_or_with_times_of_another_clock_gives_no_poses() -> N
 
 
 def test_rows_elsewhere_are_not_used_and_a_push_is_left_to_the_other_poses() -> None:
-    samples = sweep(47, rate=50.0)
+    samples = sweep(47)
     assert samples.t is not None
-    poses, _ = poses_on_the_way(samples, [slice(0, 1500)])
+    poses, _ = poses_on_the_way(samples, [slice(0, 3000)])
     assert min(pose.t_start for pose in poses if pose.t_start is not None) >= 30.0
     pushed = samples.wrench + np.outer((samples.t > 20.0) & (samples.t < 23.0), [0.0, 2.0, 0.0, 0.0, 0.0, 0.0])
     found = cw.calibrate(replace(samples, wrench=pushed), "mount")

@@ -94,8 +94,8 @@ class Turns:
 class Turned:
     """The `base` of another cause, and orientations off by `turns` of `sd` rad an axis.
 
-    Noise and one of the two, drift or turns, are inverted `first`, as a drift treats all axes alike, and turns that are
-    not alike each pose for itself; the other is `columns` that poses have in common (inversion lemma).
+    Noise and one of the two are inverted first: a drift, which treats all axes alike, or turns, where each pose has its
+    own. The other is `columns` that poses have in common (inversion lemma). All of that is in units of the `noise`.
     """
 
     base: AlikeOnAxes
@@ -114,16 +114,16 @@ class Turned:
 
     @cached_property
     def noise(self) -> Array:
-        """Standard deviations (6,), N and N m: `drift`, `own_turns`, `columns` and what weighs them are in these."""
+        """Standard deviations (6,), N and N m."""
         return np.sqrt(self.base.variance)
 
     @cached_property
     def drift(self) -> Array:
-        """Of the poses kept, (m, q), as independent parts of unit size."""
+        """The drift of the poses kept, (m, q), alike on each axis, as independent parts of unit size."""
         return self.base.strength * self.base.columns[self.base.kept]
 
     @cached_property
-    def own_turns(self) -> Array:
+    def turned(self) -> Array:
         """What turns of each pose by their standard deviation read, (m, 6, 2)."""
         return self.sd * self.turns.reads_of_kept / self.noise[:, None]
 
@@ -139,20 +139,20 @@ class Turned:
         relative = self.base.relative[self.base.kept]
         if self.drift_first:
             return np.diag(relative) + self.drift @ self.drift.T
-        return relative[:, None, None] * np.eye(6) + self.own_turns @ self.own_turns.transpose(0, 2, 1)
+        return relative[:, None, None] * np.eye(6) + self.turned @ self.turned.transpose(0, 2, 1)
 
     @cached_property
     def first_precision(self) -> Array:
-        """Its inverse."""
+        """The inverse of the `first_covariance`."""
         return np.asarray(np.linalg.inv(self.first_covariance))
 
     def first_times(self, values: Array) -> Array:
-        """That inverse times `values` (m, 6, k)."""
+        """The `first_precision` times `values` (m, 6, k)."""
         return np.tensordot(self.first_precision, values, 1) if self.drift_first else self.first_precision @ values
 
     @cached_property
     def columns(self) -> Array:
-        """The other of the two, (m, 6, c), as independent parts of unit size: turns, or a drift on each axis."""
+        """What is not inverted first, (m, 6, c), as independent parts of unit size: turns, or a drift on each axis."""
         if self.drift_first:
             return self.sd * self.turns.as_columns / self.noise[:, None]
         m, q = self.drift.shape
@@ -160,12 +160,12 @@ class Turned:
 
     @cached_property
     def weighted_columns(self) -> Array:
-        """That inverse times the `columns`, (m, 6, c)."""
+        """The `first_precision` times the `columns`, (m, 6, c)."""
         return self.first_times(self.columns)
 
     @cached_property
     def left_in_common(self) -> Array:
-        """Covariance (c, c) of the parts of unit size that poses have in common, given their readings."""
+        """Covariance (c, c) of the parts that the `columns` are made of, given the readings."""
         return np.asarray(np.linalg.inv(np.eye(self.columns.shape[2]) + self._pull(self.weighted_columns)))
 
     def _pull(self, weighted: Array) -> Array:
@@ -185,7 +185,7 @@ class Turned:
 
     def along_turns(self, weighted: Array) -> Array:
         """What `weighted` readings (m, 6, k) pull at all turns with, (2 m, k), as independent parts."""
-        own = self.own_turns.transpose(0, 2, 1) @ (weighted * self.noise[:, None])
+        own = self.turned.transpose(0, 2, 1) @ (weighted * self.noise[:, None])
         flat = own.reshape(-1, weighted.shape[2])
         return flat if self.turns.root is None else self.turns.root.T @ flat
 
@@ -203,7 +203,7 @@ class Turned:
         """Degrees of freedom of all turns, were the tool known."""
         if self.drift_first:
             return float(np.sum(1.0 - np.diag(self.left_in_common)))
-        of_own = self.own_turns * (self.precision_blocks * np.outer(self.noise, self.noise) @ self.own_turns)
+        of_own = self.turned * (self.precision_blocks * np.outer(self.noise, self.noise) @ self.turned)
         return float(np.sum(of_own))
 
     @cached_property

@@ -186,8 +186,8 @@ def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     damage = [Finding(Kind.DAMAGED_RECORDING, Severity.WARNING, samples.damage)] if samples.damage else []
     doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
     if not samples.read_as and (likely := likely_unit(samples.t)):  # who read a file has said so
-        text = f"t is likely in {likely[0]}, expected s: {len(samples)} samples would come {likely[1]:g} s apart"
-        doubt.append(WARNING(Kind.TIMES_IN_DOUBT, text))
+        apart = f"{len(samples)} samples would come {likely[1]:g} s apart; if they do not, give it in s"
+        doubt.append(WARNING(Kind.TIMES_IN_DOUBT, f"t is likely in {likely[0]}, expected s: {apart}"))
     samples, left_out = usable(samples)
     findings = (*damage, *doubt, *left_out)
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():

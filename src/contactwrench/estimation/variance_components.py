@@ -259,7 +259,7 @@ def _of_pairs_turns_first(V: Turned, W: Array, known: Array) -> Array:
     """
     (m, q), c = V.drift.shape, V.columns.shape[2]
     root = np.sqrt(V.base.relative[V.base.kept])[:, None, None]
-    each = np.concatenate([root * np.eye(6), V.own_turns], axis=2)  # the z (m, 6, 8) that each pose has for itself
+    each = np.concatenate([root * np.eye(6), V.turned], axis=2)  # the z (m, 6, 8) that each pose has for itself
     of_each = each.transpose(0, 2, 1) @ W
     own = each.transpose(0, 2, 1) @ V.first_precision @ each
     products = known @ (of_each.transpose(1, 2, 0) @ of_each.transpose(1, 0, 2))  # (8, r, r)

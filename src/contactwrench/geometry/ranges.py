@@ -82,7 +82,7 @@ def per_second(t: float) -> float:
     return next((each for each in (1e3, 1e6, 1e9) if UNIX_TIMES.least <= t / each <= UNIX_TIMES.most), 1.0)
 
 
-FEWEST_TIMES, SLOWEST_STEP, LONGEST = 200, 1.0, 1e4
+FEWEST_TIMES, SLOWEST_STEP, LONGEST_RECORDING = 200, 1.0, 1e4
 """So many times, of which the middle step is of so many s or more, are likely in another unit: where they are whole
 numbers, or go on for longer than so many s.
 """
@@ -95,6 +95,6 @@ def likely_unit(t: Array | None) -> tuple[str, float] | None:
     if t is None or len(t) <= FEWEST_TIMES or not np.isfinite(t).all():
         return None
     step = float(np.median(np.diff(t)))
-    if step < SLOWEST_STEP or (np.any(t % 1.0) and t[-1] - t[0] <= LONGEST):
+    if step < SLOWEST_STEP or (np.any(t % 1.0) and t[-1] - t[0] <= LONGEST_RECORDING):
         return None
     return next(unit for most, unit in SLOWER_UNITS if step < most), step

@@ -85,7 +85,7 @@ def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
     """What to say of a table's times (n,), read as s, if that is likely not their unit; empty where nothing is in
     doubt, or where file or flags state the unit. Raises `InputError` where nobody waits so long from row to row.
     """
-    if (likely := likely_unit(t)) is None or t is None:
+    if t is None or (likely := likely_unit(t)) is None:
         return ""
     columns, (unit, step) = time_columns(open_table(path, naming), naming), likely
     if not columns or columns[0].unit:
