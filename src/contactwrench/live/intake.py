@@ -22,6 +22,8 @@ SILENT, PERIODS = 0.25, 6.0
 """s, and periods at the rate that was seen or asked for, without a sample: the longer of both is silence."""
 BACKLOG = 0.5
 """s after a device is there in which it may send what it had kept."""
+LOOK_EVERY = 0.02
+"""s from one look at the device to the next; a turn of the session may be one sample."""
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
 GAP = 3.0
@@ -38,6 +40,9 @@ FEWEST = 10
 """Samples that are to come in a window, which is longer for a slow device: one more or less makes no other rate."""
 RIGHT = 0.5
 """Of the part by which a rate is off: within it, it is right again. One at the limit is not said over and over so."""
+
+NOTHING = (0.0,)
+"""Read by a device that has no wrench, or no orientation."""
 
 AMONG = "late: those before it came so late that its time lies among theirs"
 
@@ -59,7 +64,7 @@ class Intake:
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
-        self._noted = self._late = self._settled = -inf
+        self._looked = self._noted = self._late = self._settled = -inf
         self._has_time = False
 
     def opened(self, about: About, t: float) -> Event:
@@ -82,7 +87,8 @@ class Intake:
 
     def take(self, batch: Batch) -> list[tuple[float, Sample]]:
         """Samples with the times at which they were taken. Raises `InputError` for what is no batch of samples."""
-        _require_samples(batch, self.uri)
+        if self.samples == 0:
+            _require_samples(batch, self.uri)
         for note in batch.notes:
             self.lost += note.number if note.kind is NoteKind.LOST else 0
             self.repeated += note.number if note.kind in (NoteKind.REPEATED, NoteKind.DISORDERED) else 0
@@ -95,12 +101,11 @@ class Intake:
             t, doubt = self._timed(by_its_clock, sample)
             self._newest = max(t, self._newest + LEAST_STEP)
             flaw = sample.flaw or _broken(sample) or doubt
-            taken.append((self._newest, sample._replace(flaw=flaw) if flaw else sample))
-        for _, sample in taken:
-            if sample.flaw:
-                self._flawed(sample)
+            if flaw:
+                self._flawed(flawed := sample._replace(flaw=flaw))
+            taken.append((self._newest, flawed if flaw else sample))
             for what in self._last:
-                if sample.flaw or getattr(sample, what) is not None:
+                if flaw or getattr(sample, what) is not None:
                     self._last[what] = sample.arrival
         self.samples += len(taken)
         return taken
@@ -138,7 +143,9 @@ class Intake:
 
     def look(self, t: float) -> list[Event]:
         """What there is to say at `t` s: silence and its end, a rate that was not asked for, what was noted."""
-        events = []
+        if abs(t - self._looked) < LOOK_EVERY:
+            return []
+        self._looked, events = t, []
         rate = self._rate.hz or (self.about and self.about.rate)
         self._usual = 1.0 / rate if rate else self._usual
         usual = max(SILENT, PERIODS / rate if rate else 0.0, 2.0 * self._bursts.period)
@@ -203,8 +210,9 @@ def _require_samples(batch: Batch, uri: str) -> None:
 
 def _broken(sample: Sample) -> str:
     """The flaw of numbers that are none."""
-    wrench, orientation = sample.wrench or (), sample.orientation or ()
-    fine = all(abs(each) <= LARGEST_READING for each in wrench) and isfinite(sum(orientation))
+    wrench, orientation = sample.wrench or NOTHING, sample.orientation or NOTHING
+    is_number = isfinite(sum(wrench) + sum(orientation))
+    fine = is_number and max(wrench) <= LARGEST_READING and min(wrench) >= -LARGEST_READING
     return "" if fine else "broken: no number"
 
 

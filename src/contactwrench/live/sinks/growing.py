@@ -150,7 +150,8 @@ class GrowingMcap:
     def add(self, messages: Iterable[Message]) -> None:
         """Messages, in the order of their logging."""
         for topic, logged, published, payload in sorted(messages, key=lambda message: message[1]):
-            self._writer.add_message(self._channel(topic), logged, payload, published)
+            channel = self._channels.get(topic) or self._channel(topic)
+            self._writer.add_message(channel, logged, payload, published)
 
     def write(self) -> None:
         """Write what was added, as a chunk."""
@@ -164,15 +165,16 @@ class GrowingMcap:
             self._file.close()
 
     def _channel(self, topic: str) -> int:
+        """A new one."""
         from ...recording.bags.message_layout import typestore
 
         kind = TYPES[topic]
         if kind not in self._schemas:
             text, _ = typestore(False).generate_msgdef(kind, ros_version=2)
             self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text.encode())
-        if topic not in self._channels:
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
-        return self._channels[topic]
+        channel: int = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+        self._channels[topic] = channel
+        return channel
 
 
 Growing: TypeAlias = GrowingText | GrowingParquet | GrowingMcap

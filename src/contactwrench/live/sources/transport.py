@@ -58,6 +58,7 @@ class Link(ABC):
         self._waker: socket.socket | None = None
         self._woken: socket.socket | None = None
         self._selector: selectors.BaseSelector | None = None
+        self._awaited = 0
 
     @abstractmethod
     def receive(self, timeout: float) -> list[bytes]:
@@ -123,11 +124,9 @@ class Link(ABC):
         """Whether the socket can be used within the time; not where it is closed meanwhile. The lock is held."""
         if self._selector is None or self._socket is None:
             return False
-        known = self._selector.get_map().get(self._socket)
-        if known is None:
-            self._selector.register(self._socket, events)
-        elif known.events != events:
-            self._selector.modify(self._socket, events)
+        if self._awaited != events:
+            (self._selector.modify if self._awaited else self._selector.register)(self._socket, events)
+            self._awaited = events
         ready = self._selector.select(timeout)
         return len(ready) == 1 and ready[0][0].fileobj is self._socket
 
@@ -136,6 +135,7 @@ class Link(ABC):
             if each is not None:
                 each.close()
         self._socket = self._waker = self._woken = self._selector = None
+        self._awaited = 0
 
 
 class Tcp(Link):
