@@ -1,6 +1,7 @@
 """Tables as people write them: columns by name, units by suffix, and the reading flags, each proven by physics."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -235,10 +236,19 @@ def test_a_flag_chooses_where_the_columns_would_tell_something_else(tmp_path: Pa
     [
         ({"wrench_frame": "tool"}, "wrench_frame is 'tool', expected sensor or base"),
         ({"sign": "push"}, "sign is 'push', expected pull or reaction"),
+        (
+            {"wrench_columns": ["a", "b"]},
+            "wrench_columns is ['a', 'b'], expected a text: write it as for --wrench-columns on the command line",
+        ),
+        (
+            {"units": {"time": "ms"}},
+            "units is {'time': 'ms'}, expected a text: write it as for --units on the command line",
+        ),
+        ({"orientation": 3}, "orientation is 3, expected a text: write it as for --orientation on the command line"),
     ],
 )
-def test_an_unknown_reading_flag_is_refused(tmp_path: Path, flags: dict[str, str], message: str) -> None:
+def test_an_unknown_reading_flag_is_refused(tmp_path: Path, flags: dict[str, Any], message: str) -> None:
     path = written(tmp_path, csv_text((*WRENCH, *MATRIX), [(*READING, *np.eye(3).ravel())]))
     with pytest.raises(InputError) as caught:
-        cw.read(path, **flags)  # type: ignore[arg-type]
+        cw.read(path, **flags)
     assert str(caught.value) == message

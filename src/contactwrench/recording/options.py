@@ -22,6 +22,9 @@ OF_BAGS = ("wrench_topic", "pose_topic", "frames", "robot")
 OF_MEANING = ("sign", "wrench_frame", "inverse_orientation")
 """What the numbers mean, in a file of any kind."""
 
+TEXTS = ("orientation", "wrench_columns", "time_column", "units", "hdf5", "wrench_topic", "pose_topic", "robot", "imu")
+"""Options that a program may give as something else, where the command line gives a text."""
+
 ACCEPT_FLAG = "--accept-damaged"
 
 IN_BASE_AXES = (
@@ -34,7 +37,7 @@ IN_BASE_AXES = (
 class Options(Naming):
     """How a recording is written: arguments of `read` under their names, those of a table's columns as a `Naming`.
 
-    Raises `InputError` for a `wrench_frame` and a `sign` that are none.
+    Raises `InputError` for a `wrench_frame` and a `sign` that are none, and for what is to be a text and is none.
     """
 
     wrench_frame: str = "sensor"
@@ -53,6 +56,10 @@ class Options(Naming):
         for name, known in (("wrench_frame", ("sensor", "base")), ("sign", ("pull", "reaction"))):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected {' or '.join(known)}")
+        for name in TEXTS:
+            if not isinstance(value := getattr(self, name), str | None):
+                flag = name.replace("_", "-")
+                raise InputError(f"{name} is {value!r}, expected a text: write it as for --{flag} on the command line")
 
     def require_for(self, path: str | Path, *, bag: bool) -> None:
         """Raise `InputError` for what is said of a table where the recording is a bag, and the other way round."""
