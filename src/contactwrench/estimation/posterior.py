@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.findings import Kind
 from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 from ..model import RigidTool, wrench_jacobian
-from .bias_drift import kernels_of
+from .bias_drift import Drift, kernels_of
 from .hypotheses import Hypothesis
-from .orientation_errors import two_levels
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
 from .problem import Problem
 from .robot_errors import turns_across_gravity
@@ -89,9 +89,12 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
 
 
 def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
-    """The problem in which the poses left out are no outliers, but on one of two levels, as backlash makes them."""
+    """The problem in which the poses left out are no outliers, but on one of two levels, as backlash makes them, the
+    constant halfway between.
+    """
     log_prior = log_prior_two_levels(len(kept), int(np.sum(~kept)))
-    return replace(problem, kernels=kernels_of(len(kept), [two_levels(~kept)], [log_prior], steady=False))
+    levels = Drift(Kind.TWO_LEVELS, np.where(kept, 0.5, -0.5)[:, None])
+    return replace(problem, kernels=kernels_of(len(kept), [levels], [log_prior], steady=False))
 
 
 def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
