@@ -14,17 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
-from ..model import (
-    RigidTool,
-    response,
-    response_jacobian,
-    wrench_jacobian,
-)
+from ..model import RigidTool, response, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
 from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned
 from .hypotheses import Hypothesis, known_at, priors_at
-from .least_squares import Members, Priors, gram, solved
-from .moments import moments_of
+from .least_squares import Members, Priors, gram, moments_of, solved
 from .outliers import log_density_outlying, log_prior_outlying
 from .problem import Problem
 from .robot_errors import ODDS, likely_with, turns_across_gravity
