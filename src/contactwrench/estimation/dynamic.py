@@ -1,14 +1,10 @@
 """Inertia, and where the sensor is, from readings in motion; all else is known from the stops already, and stays.
 
-Readings at rest have been judged with care: contacts, a bias that moves, gain, cables. Motion has far more readings and
-the same faults, and would outvote them; so what the stops know is taken from the stops alone (a cut posterior, Plummer
-2015), and its uncertainty is carried on. The motion has a likelihood of its own: the moments of motion_moments.py under
-a noise that has a variance for each axis and band, estimated from what is left, and a weight for each window, so that a
-push or a shake counts little.
-
-Meanwhile the bias may be off by what poses differ by, the readings a little late and blurred by the sensor's filter, an
-accelerometer's by its own, and all forces as much too large as the weight: a sensor's scale, which stops and motion
-have in common, moves nothing.
+A cut posterior (Plummer 2015): motion has far more readings than the stops and the same faults, and would outvote them
+(method, "Motion"). Its likelihood is that of the moments of motion_moments.py, with a variance for each axis and band,
+and a weight for each window, so that a push or a shake counts little. Meanwhile the bias may be off by what poses
+differ by, the readings a little late and blurred by the sensor's filter, an accelerometer's by its own, and all forces
+as much too large as the weight: a sensor's scale, which stops and motion have in common, moves nothing.
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
 """The fit on moments: normal equations of a rigid tool for a stack of kernels and hypotheses, noise, evidence.
 
-With X = [vec(R_i), y_i] (n, 15) and K the covariance of the errors across poses, in units of the noise,
-
-    Q = K^-1 - K^-1 1 1^T K^-1 / (1^T K^-1 1)        S = X^T Q X  (15, 15)
-
-Q takes out the constant bias, and S is all that a fit needs of the poses. For K = D + s^2 L L^T, with D the diagonal of
-the poses' own variances, S is that of a steady bias less a few outer products, for every strength s: so all strengths
-and shapes cost little more than one.
+All that a fit needs of the poses are second moments S (15, 15) of [vec(R_i), y_i], the constant bias taken out (method,
+"One inference"). For K = D + s^2 L L^T, with D the diagonal of the poses' own variances, S is that of a steady bias
+less a few outer products, for every strength s: so all strengths and shapes cost little more than one.
 
 Everything is linearised at one tool. For each kernel and each axis, the Gram matrix of the parameters' derivatives and
 of what is left of the readings is (p + 1, p + 1); weighted with the variances of the axes and summed it gives the
