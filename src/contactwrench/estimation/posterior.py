@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.findings import Kind
-from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 from ..model import RigidTool, wrench_jacobian
 from .bias_drift import Drift, kernels_of
-from .hypotheses import Hypothesis
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
-from .problem import Problem
+from .problem import Hypothesis, Problem
 from .robot_errors import turns_across_gravity
 from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, settled, settled_beside, table_at
 
@@ -110,7 +108,7 @@ def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDA
         own = np.linalg.inv(np.eye(6) + turned @ turned.transpose(0, 2, 1))
         weigh = noise * np.linalg.cholesky(own).transpose(0, 2, 1) / noise.T
         J, errors = weigh @ J, (weigh @ errors[..., None])[..., 0]
-    return likely_clean(J, errors, information, pull, LEVER)
+    return likely_clean(J, errors, information, pull)
 
 
 def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
