@@ -64,7 +64,7 @@ def test_of_many_poses_only_sets_that_can_be_are_weighed(monkeypatch: pytest.Mon
     monkeypatch.setattr(outliers, "log_density_outlying", density)
     J, errors, rng = _problem(3, 300)
     errors[::5] += 30.0 * NOISE * rng.normal(size=(60, 6))
-    clean, _ = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13), 0.05)
+    clean, _ = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13))
     assert set(np.flatnonzero(~clean)) >= set(range(0, 300, 5))
     assert set(weighed) == {103, 60}
 
@@ -81,7 +81,7 @@ def test_of_thousands_of_poses_a_few_numbers_of_outliers_are_weighed(monkeypatch
     J, errors, rng = _problem(3, 3000)
     wrong = rng.permutation(3000)[:417]
     errors[wrong] += 30.0 * NOISE * rng.normal(size=(417, 6))
-    clean, _ = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13), 0.05)
+    clean, _ = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13))
     assert max(sets) <= 261
     assert (~clean)[wrong].mean() > 0.97
     assert clean.sum() >= 3000 - 1.05 * 417
@@ -100,7 +100,7 @@ def test_the_search_finds_a_sixth_of_the_poses_whatever_they_hide(size: float, a
         J, errors, rng = _problem(seed, 24)
         push = rng.normal(size=(1 if alike else 4, 6))
         errors[IN_CONTACT] += size * NOISE * push / np.linalg.norm(push, axis=1, keepdims=True)
-        clean, _ = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13), 0.05)
+        clean, _ = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13))
         assert not clean[IN_CONTACT].any(), seed
         assert clean.sum() >= 19, seed
 
@@ -109,7 +109,7 @@ def test_the_search_leaves_clean_poses_alone() -> None:
     lost = 0
     for seed in range(30):
         J, errors, _ = _problem(seed, 24)
-        clean, _ = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13), 0.05)
+        clean, _ = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13))
         lost += not clean.all()
     assert lost <= 2
 

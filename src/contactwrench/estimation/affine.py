@@ -9,7 +9,6 @@ import numpy as np
 
 from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import require_separable
-from ..geometry.arrays import Array
 from ..model import PARAMETERS, free_wrench, gravity_in_flange
 from .estimate import Estimate
 from .noise import APART, NoiseModel, PoseReadings, relative_variances
@@ -60,8 +59,3 @@ def fit_affine(readings: PoseReadings, question: Question) -> Estimate:
             np.kron(np.diag(1.0 / np.sqrt(variance)), A / np.linalg.norm(A, axis=0)), compute_uv=False
         ),
     )
-
-
-def force_matrix(B: Array) -> str:
-    """The singular values of the force matrix (N), which a rigid tool has three alike of."""
-    return ", ".join(f"{value:.4g}" for value in np.linalg.svd(B[:3, :3], compute_uv=False))

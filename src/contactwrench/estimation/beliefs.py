@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Set
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..calibration.findings import BIAS_MOVED, Kind
 from ..geometry.arrays import Array
@@ -23,11 +24,11 @@ def beliefs_of(problem: Problem, tables: list[Table], weight: Array, off: Array,
     """
     squared = off**2 + own_variance
     std = np.sqrt(np.maximum(weight @ squared, 1e-300))
-    off_by_mounting, off_by_base = _off_by_exactness(tables, weight, squared)
     judged = problem.question.model == "auto" and problem.question.earlier is None
     hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
     tilts = np.array([(*h.exact, judged and h.mount is None, judged and h.base is None) for h in hypotheses])
     mounting_exact, base_exact, any_mounting, any_base = (weight @ tilts).tolist()
+    off_by_mounting, off_by_base = (_off_by_exactness(is_exact, weight, squared) for is_exact in tilts.T[:2])
     of_table = [float(weight[here].sum()) for _, here in each_with_place(tables)]
     kinds = np.concatenate([table.kinds for table in tables])
     of_kind = {kind: float(weight[kinds == kind].sum()) for kind in dict.fromkeys(kinds) if kind is not None}
@@ -66,19 +67,15 @@ def beliefs_of(problem: Problem, tables: list[Table], weight: Array, off: Array,
     )
 
 
-def _off_by_exactness(tables: list[Table], weight: Array, squared: Array) -> tuple[float, float]:
-    """Of mounting and base: by how many std the weight, com or bias is off, RMS, where that one is exactly nominal and
+def _off_by_exactness(is_exact: NDArray[np.bool_], weight: Array, squared: Array) -> float:
+    """Of mounting or base: by how many std the weight, com or bias is off, RMS, where that one is exactly nominal and
     was mostly taken not to be, or the other way round; 0 where that is as good as excluded. At most the root of 1 over
     its probability, as the std counts it too. `squared` (m, p): how far the parameters of each member are off the mean.
     """
-    exact = np.array([table.hypotheses[h].exact for table in tables for h in table.members.hypothesis])
-    total, off = weight @ squared[:, OF_TOOL], []
-    for is_exact in exact.T:
-        rival = is_exact if weight[is_exact].sum() < 0.5 else ~is_exact
-        share = float(weight[rival].sum())
-        of_rival = weight[rival] @ squared[rival, OF_TOOL] / max(share, EXCLUDED)
-        off.append(float(np.sqrt(np.max(of_rival / np.maximum(total, 1e-300)))) * (share > EXCLUDED))
-    return off[0], off[1]
+    rival = is_exact if weight[is_exact].sum() < 0.5 else ~is_exact
+    total, share = weight @ squared[:, OF_TOOL], float(weight[rival].sum())
+    of_rival = weight[rival] @ squared[rival, OF_TOOL] / max(share, EXCLUDED)
+    return float(np.sqrt(np.max(of_rival / np.maximum(total, 1e-300)))) * (share > EXCLUDED)
 
 
 def _furthest_drift(tables: list[Table], weight: Array, off: Array) -> Rival | None:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from ..calibration.alternative import Alternative, Alternatives
 from ..calibration.calibration import Calibration
+from ..calibration.difference import origin_of_tool
 from ..calibration.findings import Finding
 from ..calibration.observability import describe
 from ..errors import AmbiguityError, UnobservableError, refuse, with_room_for
@@ -42,7 +43,7 @@ from .in_motion import with_earlier_inertia, with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .plausibility import dead_channels, inherited
-from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, known_of, provenance_of, stated_knowledge
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, known_of, stated_knowledge
 from .rigid import estimated, model_fitted
 from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 
@@ -98,14 +99,13 @@ def calibrate(
     """
     require_samples(samples)
     refuse((sensor_offset is not None and model != "dynamic", f"model {model} has no sensor_offset: leave it out"))
-    question = question_asked(
-        "auto" if model == "dynamic" else model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known
-    )
+    asked, origin = "auto" if model == "dynamic" else model, dict[str, str]()
+    question = question_asked(asked, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     if prior is not None:
         question = _with_prior(question, prior, gravity is not None, samples)
+        origin = {"prior": str(prior.provenance.get("source", "arrays")), "tool_from": origin_of_tool(prior)}
     recorded = from_recording(samples, question, g)
     contradicted = of_known(known or {}, recorded.readings, question)
-    origin = {} if prior is None else provenance_of(prior)
     try:
         calibration = assembled(recorded, question, origin)
         if model == "dynamic":

@@ -1,14 +1,10 @@
 """Inertia, and where the sensor is, from readings in motion; all else is known from the stops already, and stays.
 
-Readings at rest have been judged with care: contacts, a bias that moves, gain, cables. Motion has far more readings and
-the same faults, and would outvote them; so what the stops know is taken from the stops alone (a cut posterior, Plummer
-2015), and its uncertainty is carried on. The motion has a likelihood of its own: the moments of motion_moments.py under
-a noise that has a variance for each axis and band, estimated from what is left, and a weight for each window, so that a
-push or a shake counts little.
-
-Meanwhile the bias may be off by what poses differ by, the readings a little late and blurred by the sensor's filter, an
-accelerometer's by its own, and all forces as much too large as the weight: a sensor's scale, which stops and motion
-have in common, moves nothing.
+A cut posterior (Plummer 2015): motion has far more readings than the stops and the same faults, and would outvote them
+(method, "Motion"). Its likelihood is that of the moments of motion_moments.py, with a variance for each axis and band,
+and a weight for each window, so that a push or a shake counts little. Meanwhile the bias may be off by what poses
+differ by, the readings a little late and blurred by the sensor's filter, an accelerometer's by its own, and all forces
+as much too large as the weight: a sensor's scale, which stops and motion have in common, moves nothing.
 """
 
 from __future__ import annotations
@@ -59,14 +55,22 @@ ANEW = ("weight", "bias_fx", "bias_fy", "bias_fz", "bias_tx", "bias_ty", "bias_t
 """Of these what the motion alone would have; of no further interest."""
 
 
+@dataclass(frozen=True)
+class Told:
+    """What the motion says of a number: its `value`, and its `std`."""
+
+    value: float
+    std: float
+
+
 @dataclass(frozen=True, eq=False)
 class Moved:
     """What the motion tells: `inertia` (3, 3) kg m^2 about the centre of mass, sensor axes; `sensor_offset` (3,) m,
     flange axes; their `covariance` (9, 9) and that with the tool's parameters (9, p), the std (9,) `before` of the
     same, and the `weight` (w, 6) of each window. The RMS `left` (6,) of readings in motion, N and N m, in the bands
     used, and the `blur` of the sensor's filter beside the poses, s^2; by how much an accelerometer is `slow` beside the
-    wrench, s^2, and `ahead` of it, s; and the wrench `late` beside the poses, s; each with its std. What goes `beyond`
-    a rigid tool, which is in the covariance.
+    wrench, s^2, and `ahead` of it, s; and the wrench `late` beside the poses, s. What goes `beyond` a rigid tool, which
+    is in the covariance.
     """
 
     inertia: Array
@@ -76,14 +80,10 @@ class Moved:
     before: Array
     weight: Array
     left: Array
-    blur: float
-    blur_std: float
-    slow: float
-    slow_std: float
-    ahead: float
-    ahead_std: float
-    late: float
-    late_std: float
+    late: Told
+    blur: Told
+    ahead: Told
+    slow: Told
     beyond: BeyondRigid
 
     @property
@@ -96,16 +96,15 @@ class Moved:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Where Gauss and Newton are; an accelerometer is late or ahead by itself, `apart` from the rest."""
+    """Where Gauss and Newton are, `timing` (4,) as `Moved` has it from `late` to `slow`; an accelerometer is late or
+    ahead by itself, `apart` from the rest.
+    """
 
     tool: RigidTool
     inertia: Array
     sensor_offset: Array
-    late: float = 0.0
-    blur: float = 0.0
-    ahead: float = 0.0
-    slow: float = 0.0
-    apart: bool = False
+    timing: Array
+    apart: bool
 
     def stepped(self, step: Array, names: tuple[str, ...]) -> _Point:
         of_motion = step[len(names) :]
@@ -113,10 +112,7 @@ class _Point:
             stepped(self.tool, step[: len(names)], names),
             self.inertia + symmetric(of_motion[INERTIA]),
             self.sensor_offset + of_motion[OFFSET],
-            self.late + float(of_motion[LATE]),
-            self.blur + float(of_motion[BLUR]),
-            self.ahead + float(of_motion[AHEAD]),
-            self.slow + float(of_motion[SLOW]),
+            self.timing + of_motion[LATE : SLOW + 1],
             self.apart,
         )
 
@@ -152,7 +148,7 @@ def moved(
     p, mass = len(names), tool.weight / g
     before = np.r_[np.full(6, mass * GYRATION_STD**2), np.full(3, OFFSET_STD)]
     begin = np.zeros(3) if sensor_offset is None else sensor_offset
-    at = _Point(tool, mass * GYRATION**2 * np.eye(3), begin, apart=apart)
+    at = _Point(tool, mass * GYRATION**2 * np.eye(3), begin, np.zeros(4), apart)
     if sensor_offset is not None:
         before[OFFSET] = STATED_OFFSET_STD
     anew = [names.index(name) for name in ANEW]
@@ -194,7 +190,7 @@ def moved(
         of_motion = beyond.ratio * of_motion
     of_stops = np.zeros((J.shape[2], J.shape[2]))
     of_stops[:p, :p], of_stops[p:, p:][ROWS, ROWS] = covariance, np.kron(np.eye(3), of_rows)
-    late_std, blur_std, ahead_std, slow_std = np.sqrt(np.diag(inverse))[-SLOW + LATE - 1 :].tolist()
+    late, blur, ahead, slow = map(Told, at.timing.tolist(), np.sqrt(np.diag(inverse))[LATE - SLOW - 1 :].tolist())
     return Moved(
         inertia=at.inertia,
         sensor_offset=at.sensor_offset,
@@ -203,14 +199,10 @@ def moved(
         before=before,
         weight=weight,
         left=np.sqrt(power.sum(axis=2).mean(axis=0) / moments.rows),
-        blur=at.blur,
-        blur_std=blur_std,
-        slow=at.slow,
-        slow_std=slow_std,
-        ahead=at.ahead,
-        ahead_std=ahead_std,
-        late=at.late,
-        late_std=late_std,
+        late=late,
+        blur=blur,
+        ahead=ahead,
+        slow=slow,
         beyond=beyond,
     )
 
@@ -235,6 +227,7 @@ def _left_and_jacobian(at: _Point, g: float, names: tuple[str, ...]) -> tuple[Ar
     (6, 66, p + 12) of the combination that is taken from them, by the tool's parameters `names`, and by the rest.
     """
     p, mass = len(names), at.tool.weight / g
+    late, blur, ahead, slow = at.timing
     free = np.zeros((6, REGRESSORS))
     free[:, ORIENTATION], free[:, ONE] = response(at.tool), at.tool.bias
     free[:, MOTION] = inertial_matrix(at.tool, mass, at.inertia, at.sensor_offset)
@@ -243,13 +236,13 @@ def _left_and_jacobian(at: _Point, g: float, names: tuple[str, ...]) -> tuple[Ar
     reading[:3, ORIENTATION] = -g * response_of(np.eye(3), at.tool.gravity_direction)
     felt = of_acceleration @ reading[:3]
     of_poses = free - felt if at.apart else free
-    left = np.hstack([-free, at.late * of_poses + at.ahead * felt, at.slow * felt - at.blur * of_poses, np.eye(6)])
+    left = np.hstack([-free, late * of_poses + ahead * felt, slow * felt - blur * of_poses, np.eye(6)])
     of_free = np.zeros((6, REGRESSORS, p + len(DYNAMIC_PARAMETERS)))
     of_free[:, ORIENTATION, all_but_the_bias(names)] = response_jacobian(at.tool, names).transpose(1, 2, 0)
     of_free[range(6), ONE, [names.index(name) for name in ANEW[1:]]] = 1.0
     of_free[:, MOTION] = inertial_jacobian(at.tool, mass, at.inertia, at.sensor_offset, names).transpose(1, 0, 2)
     J = np.zeros((6, LATER, p + ROWS.stop))
-    J[:, :, : p + LATE] = np.concatenate([of_free, -at.late * of_free, at.blur * of_free], axis=1)
+    J[:, :, : p + LATE] = np.concatenate([of_free, -late * of_free, blur * of_free], axis=1)
     J[:, CHANGES, p + LATE], J[:, CHANGES, p + AHEAD] = -of_poses, -felt
     J[:, BENDS, p + BLUR], J[:, BENDS, p + SLOW] = of_poses, -felt
     J[:, :REGRESSORS, p + SLOW + 1 :] = -np.einsum("ai,jr->arij", of_acceleration, reading).reshape(6, REGRESSORS, 12)

@@ -14,7 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
-from .moments import precision_diagonal, precision_times
+
+
+def precision_times(columns: Array, strength: float, variance: Array, values: Array) -> Array:
+    """`K^-1 values` (n, m) for K = diag(variance) + strength^2 columns columns^T (inversion lemma)."""
+    scaled = values / variance[:, None]
+    if strength == 0.0 or not columns.shape[1]:
+        return scaled
+    L = strength * columns
+    weighted = L / variance[:, None]
+    inner = np.linalg.solve(np.eye(L.shape[1]) + L.T @ weighted, L.T @ scaled)
+    return scaled - weighted @ inner
+
+
+def precision_diagonal(columns: Array, strength: float, variance: Array) -> Array:
+    """The diagonal (n,) of that `K^-1`."""
+    L = strength * columns
+    weighted = L / variance[:, None]
+    inner = np.linalg.solve(np.eye(L.shape[1]) + L.T @ weighted, weighted.T)
+    return np.asarray(1.0 / variance - np.einsum("nq,qn->n", weighted, inner))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,10 +17,9 @@ from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
 from ..geometry.rotations import spread_rotations
 from ..model import AXES, affine_jacobian, gravity_in_flange, wrench_jacobian
-from .affine import force_matrix
 from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
-from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, weighs_next_to_nothing
+from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, tilts_widely
 from .priors import Question
 from .robot_errors import may_go_on
 
@@ -103,9 +102,9 @@ def doubts(
 
 def _subtracted_payload(fit: RigidEstimate, readings: PoseReadings) -> list[Finding]:
     """Next to no weight, though the poses would show one."""
-    if not weighs_next_to_nothing(fit.tool, readings.R_base_flange):
-        return []
     weight, std = fit.tool.weight, float(np.sqrt(fit.covariance[0, 0]))
+    if abs(weight) >= LIGHTEST_TOOL or not tilts_widely(readings.R_base_flange, fit.tool.gravity_direction):
+        return []
     found = f"weight {weight:.2g} +- {std:.2g} N is next to nothing, though the poses tilt the tool"
     if std > WEIGHT_SHARE * weight:
         return [WEAK(Kind.PAYLOAD_SUBTRACTED, f"{found}: {LIKELIEST_CAUSE}")]
@@ -268,9 +267,10 @@ def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:
     dof, added = 6.0 * n - AFFINE_PARAMETERS, AFFINE_PARAMETERS - RIGID_PARAMETERS
     shows = n >= FEWEST_POSES_FOR_MATRIX and float(fdtrc(added, dof, gain / added / (rest / dof))) <= SIGNIFICANCE
     B = np.asarray(np.linalg.lstsq(A, readings.wrench - fit.change[fit.kept], rcond=None)[0].T, dtype=np.float64)
+    values = ", ".join(f"{value:.4g}" for value in np.linalg.svd(B[:3, :3], compute_uv=False))
     text = (
         f"no rigid tool explains these readings (chance under 0.1 %): their force matrix has the singular values "
-        f"{force_matrix(B)} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare "
+        f"{values} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare "
         "--model affine"
     )
     return shows, DOUBTFUL, Kind.CROSS_TALK, text

@@ -10,7 +10,7 @@ from ..calibration.findings import Finding, Kind
 from ..geometry.arrays import Array
 from ..samples.poses import Pose, names_of
 from ..statistics import counted, force_and_torque, two_digits
-from .bias_drift import in_words
+from .bias_drift import Drift
 from .estimate import DECIDES, DECIDES_BY_FAR, IN_DOUBT, Beliefs, Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, WARNING, WEAK
 from .outliers import alike, probability_of_a_level
@@ -185,7 +185,7 @@ def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> 
     moved, drift = sum(beliefs.moved.values()), beliefs.drift
     if drift is None or drift.kind is None or moved < (WANDERS if drift.kind is Kind.BIAS_WANDERED else SAID):
         return []
-    text = in_words(drift, beliefs.change, moved, names, poses[0].t_start, poses[-1].t_end)
+    text = _moved_in_words(drift, beliefs.change, moved, names, poses)
     if drift.least > 0.0:
         return [DOUBTFUL(drift.kind, f"{text}, if the rows are in order: give their times (a column t)")]
     after = len(names) - (drift.first_after or 0)
@@ -193,6 +193,19 @@ def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> 
         alike = "poses that touch something alike would look the same: record more after it"
         return [DOUBTFUL(drift.kind, f"{text}; {alike}")]
     return [(WARNING if moved >= 1.0 - IN_DOUBT else DOUBTFUL)(drift.kind, text)]
+
+
+def _moved_in_words(drift: Drift, change: Array, probability: float, names: list[str], poses: tuple[Pose, ...]) -> str:
+    """By how much, and when; `change` (n, 6) N and N m, what each pose's bias was off the last one."""
+    force, torque = (two_digits(float(np.abs(part).max())) for part in (change[:, :3], 1e3 * change[:, 3:]))
+    most = f"up to {force} N and {torque} mN m (probability {_percent(min(probability, 0.999))})"
+    if drift.kind is Kind.BIAS_STEPPED and drift.first_after is not None:
+        return f"the bias stepped before {names[drift.first_after]} by {most}: the last bias is given"
+    first, last = poses[0].t_start, poses[-1].t_end
+    over = "" if first is None or last is None else f" over {two_digits(last - first)} s"
+    if drift.kind is Kind.BIAS_DRIFTED:
+        return f"the bias drifted by {most}{over}: the last bias is given"
+    return f"the bias wandered by {most}{over}: the last bias is given, with the std that this leaves it"
 
 
 def _with_orientation(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> list[Finding]:

@@ -19,6 +19,7 @@ from .moved_bias import held_against, noise_dof
 from .noise import PoseReadings, variance_of_means
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, rows_of, stated_knowledge
 from .rigid import estimated, model_fitted
+from .variance_components import inverse_of
 
 OPEN_SHARE = 0.025
 """Of the weight: by so much, a standard deviation, poses may leave the contact force open that are to show whether tool
@@ -61,9 +62,7 @@ def of_prior(fit: Estimate, readings: PoseReadings, poses: Iterable[Pose], quest
 def _rests_on_prior(fit: RigidEstimate, R_base_flange: Array, std: Array) -> Row:
     """By themselves the poses would leave the contact force open somewhere, or a moving bias took what they tell."""
     J = wrench_jacobian(fit.tool, R_base_flange, fit.names) / std[..., None]
-    information = np.sum(J.transpose(0, 2, 1) @ J, axis=0)
-    unit = np.sqrt(np.diag(information)) + 1e-100
-    alone = np.linalg.inv(information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))) / np.outer(unit, unit)
+    alone = inverse_of(np.sum(J.transpose(0, 2, 1) @ J, axis=0))
     open_by = largest_force_std(replace(fit, covariance=alone, gain_covariance=None))
     text = (
         "that tool, mounting and base are those of the earlier calibration is taken for granted: "

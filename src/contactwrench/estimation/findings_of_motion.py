@@ -93,12 +93,12 @@ def of_motion(
     elif noisy > MANY:
         text = f"{noisy:.0%} of the motion is far noisier than the rest and counts little: {OTHER_FORCES}"
         yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
-    for kind, slow, std, what, remedy in (
-        (Kind.SLOW_SENSOR, found.blur, found.blur_std, "the readings follow the motion", OF_SENSOR),
-        (Kind.ACCELEROMETER, found.slow, found.slow_std, "the accelerometer follows what the sensor feels", OF_IMU),
+    for kind, slow, what, remedy in (
+        (Kind.SLOW_SENSOR, found.blur, "the readings follow the motion", OF_SENSOR),
+        (Kind.ACCELEROMETER, found.slow, "the accelerometer follows what the sensor feels", OF_IMU),
     ):
-        if slow > max(SLOW_SENSOR, SURELY * std):
-            corner = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * slow))
+        if slow.value > max(SLOW_SENSOR, SURELY * slow.std):
+            corner = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * slow.value))
             text = f"{what} as behind a low-pass of first order at {corner:.2g} Hz: {remedy}"
             yield Finding(kind, Severity.WARNING, text)
     if found.beyond.shows and found.beyond.share > NOT_RIGID:

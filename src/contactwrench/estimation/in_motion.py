@@ -94,7 +94,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     )
     complete = replace(calibration, requested_model="dynamic", dynamics=dynamics)
     if late is not None:
-        complete = replace(complete, delay=late, delay_std=found.late_std)
+        complete = replace(complete, delay=late, delay_std=found.late.std)
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
     read = 1.0 if samples.accelerometer is None else float(np.isfinite(samples.accelerometer).all(axis=1).mean())
     said = [*of_motion(found, tool.weight, stated, untold, moved_by, dynamics, moments.most, read)]
@@ -140,16 +140,15 @@ def _followed(
             raise _at_rest(samples, moments.seconds)
         found = moved(tool, calibration.g, *known, moments, stated, ahead_std, of_rows)
         is_late, is_ahead = (
-            abs(off) > LEAST_LATE and is_significant(off, std)
-            for off, std in ((found.late, found.late_std), (found.ahead, found.ahead_std))
+            abs(off.value) > LEAST_LATE and is_significant(off.value, off.std) for off in (found.late, found.ahead)
         )
         if k == ALIGNED - 1 or not (is_late or is_ahead):
             break
         if is_late:
-            late += found.late
-            samples = _shifted(samples, found.late)
+            late += found.late.value
+            samples = _shifted(samples, found.late.value)
         if accelerometer is not None:
-            delay = accelerometer.delay - (found.ahead if is_ahead else 0.0)
+            delay = accelerometer.delay - (found.ahead.value if is_ahead else 0.0)
             sits, of_rows = mounted_accelerometer(samples, gravity)
             accelerometer = replace(sits, delay=delay, drift=accelerometer.drift)
     return samples, motion, moments, found, accelerometer, late if late != applied else None

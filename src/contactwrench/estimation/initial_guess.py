@@ -1,13 +1,8 @@
 """A global initial guess for the joint fit, so that no mounting and no base needs a guess.
 
-With the mounting R = R_flange_sensor and the direction of gravity d held, the model is linear in weight, weight *
-com and bias. Eliminating those leaves a score that depends on R and d alone, through second moments of the centred
-poses: so it costs next to nothing to score many, and the best few go on to Gauss-Newton.
-
-    sum |F - G u - F0|^2 is least for  G = tr(R^T M_F) / S,   M_F = sum r F^T,  S = sum |r|^2   (centred r, F)
-
-For the force alone the best proper rotation is the closed-form Procrustes one (Kabsch, 1976, in the form of Wahba's
-problem); for the paper's mounting, `Rz(theta)`, it is the closed form of the coupled yaw-only fit.
+With mounting and direction of gravity held, the model is linear in weight, weight * com and bias. Eliminating those
+leaves a score through second moments of the centred poses: so it costs next to nothing to score many, and the best few
+go on to Gauss-Newton (method, "A start that needs no guess").
 """
 
 from __future__ import annotations

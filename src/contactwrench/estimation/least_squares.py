@@ -1,9 +1,13 @@
 """The fit on moments: normal equations of a rigid tool for a stack of kernels and hypotheses, noise, evidence.
 
-Everything is linearised at one tool. For each kernel K (moments.py) and each axis a, the Gram matrix of the parameters'
-derivatives and of what is left of the readings, under Q, is (p + 1, p + 1); weighted with the variances of the axes and
-summed it gives the normal equations. The variances are those of restricted maximum likelihood (noise.py; Patterson and
-Thompson, 1971). The evidence is Laplace's (MacKay, 1992), in the parameters and in the logarithms of the variances.
+All that a fit needs of the poses are second moments S (15, 15) of [vec(R_i), y_i], the constant bias taken out (method,
+"One inference"). For K = D + s^2 L L^T, with D the diagonal of the poses' own variances, S is that of a steady bias
+less a few outer products, for every strength s: so all strengths and shapes cost little more than one.
+
+Everything is linearised at one tool. For each kernel and each axis, the Gram matrix of the parameters' derivatives and
+of what is left of the readings is (p + 1, p + 1); weighted with the variances of the axes and summed it gives the
+normal equations. The variances are those of restricted maximum likelihood (noise.py; Patterson and Thompson, 1971). The
+evidence is Laplace's (MacKay, 1992), in the parameters and in the logarithms of the variances.
 """
 
 from __future__ import annotations
@@ -18,7 +22,6 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 from ..model import RigidTool, response_jacobian
 from .bias_drift import Kernels
-from .moments import Moments
 from .noise import NoiseModel
 from .priors import PriorRows
 
@@ -32,6 +35,48 @@ STILL_MOVING = 0.25
 RIDGE = 1e-12
 
 Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """S (k, 15, 15) for a stack of kernels, `log_determinant` (k,) of K where a constant was taken out, `n` poses."""
+
+    S: Array
+    log_determinant: Array
+    n: int
+
+
+def moments_of(X: Array, variance: Array, kernels: Kernels) -> Moments:
+    """The moments of rows X (n, 15) with relative variances (n,) under each kernel, with columns for the same poses."""
+    root = np.sqrt(variance)
+    rows, one = X / root[:, None], 1.0 / root
+    count = float(one @ one)
+    centred = rows - np.outer(one, one @ rows / count)
+    steady = centred.T @ centred
+    S = np.broadcast_to(steady, (len(kernels.drift), 15, 15)).copy()
+    determinant = np.full(len(S), float(np.sum(np.log(variance)) + np.log(count)))
+    columns = np.array([kernels.drifts[k].columns.shape[1] for k in kernels.drift])
+
+    single = np.flatnonzero(columns == 1)
+    if len(single):
+        drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)
+        h = np.concatenate([kernels.drifts[k].columns for k in drifts], axis=1) / root[:, None]
+        h = h - np.outer(one, one @ h / count)
+        length = np.sum(h * h, axis=0)
+        along = (centred.T @ h)[:, of_kernel].T
+        squared = kernels.strength[single] ** 2
+        share = squared / (1.0 + squared * length[of_kernel])
+        S[single] -= share[:, None, None] * along[:, :, None] * along[:, None, :]
+        determinant[single] += np.log1p(squared * length[of_kernel])
+    for drift in np.unique(kernels.drift[columns > 1]):
+        here = np.flatnonzero(kernels.drift == drift)
+        L = kernels.drifts[drift].columns / root[:, None]
+        U, s, _ = np.linalg.svd(L - np.outer(one, one @ L / count), full_matrices=False)
+        eigenvalue = np.multiply.outer(kernels.strength[here] ** 2, s**2)
+        Z = centred.T @ U
+        S[here] -= (Z * (eigenvalue / (1.0 + eigenvalue))[:, None, :]) @ Z.T
+        determinant[here] += np.log1p(eigenvalue).sum(axis=1)
+    return Moments(S, determinant, len(X))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,9 @@
-"""The readings of poses as arrays, and what is known of their noise before a fit.
+"""The readings of poses as arrays, and what is known of their noise before a fit (method, "The noise of a pose").
 
-Robot pose error, hysteresis, cross-talk and cables move a pose's mean far more than the scatter of its samples does, so
-the variance of a pose is estimated from what a fit leaves (least_squares.py), by restricted maximum likelihood; what
-its still segment shows is the least that it can be, and tells poses that rest on few samples from those that rest on
-many. Where the noise is stated, it is known up to one scale. Else forces share a level, and torques another, about
-which the logarithms of the axes' variances have a Gaussian prior, so that there is one optimum, wherever a search
-begins. That the axes are alike, and that they are apart, are two hypotheses (hypotheses.py), and evidence decides.
+The variance of a pose is estimated from what a fit leaves (least_squares.py); what its still segment shows is the least
+that it can be, and tells poses that rest on few samples from those that rest on many. Where the noise is stated, it is
+known up to one scale. Else forces share a level, and torques another, about which the logarithms of the axes' variances
+have a Gaussian prior, so that there is one optimum, wherever a search begins.
 """
 
 from __future__ import annotations

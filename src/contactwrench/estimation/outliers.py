@@ -1,8 +1,7 @@
 """Poses that do not belong to the others: in contact, bumped, read before the arm was still.
 
-Each pose comes, with a small probability, from a wide distribution. Contacts mask each other, so the search for clean
-poses starts from many small subsets (least trimmed squares with concentration steps; Rousseeuw and Van Driessen, 1999),
-never from the fit of all: up to a third of the poses may be wrong. It is always run; what it proposes is then judged by
+Contacts mask each other, so the search for clean poses starts from many small subsets (least trimmed squares with
+concentration steps; Rousseeuw and Van Driessen, 1999), never from the fit of all. What it proposes is then judged by
 evidence beside everything else (posterior.py).
 """
 
@@ -55,6 +54,8 @@ EACH, FURTHER = 200, 60
 LogPrior: TypeAlias = Callable[[int, int], float]
 """Logarithm of the probability that of n poses a given set of k is left out."""
 
+COMPARED = np.array([1.0, LEVER])
+"""Of forces and torques, N and N m: as much, as long as their noise is not known."""
 OF_GROUPS = np.repeat(np.eye(2), 3, axis=0)
 """(6, 2): sums over the forces, and over the torques."""
 
@@ -122,11 +123,10 @@ def log_density_outlying(errors: Array, out: NDArray[np.bool_] | None = None) ->
 
 
 def likely_clean(
-    J: Array, errors: Array, information: Array, pull: Array, lever: float
+    J: Array, errors: Array, information: Array, pull: Array
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """The poses (n,) that belong together, where the others are outliers, and where they are on a level of their own:
-    `errors` (n, 6) linear in the parameters by `J` (n, 6, q), of which `information` (q, q) and `pull` (q,) are known;
-    `lever` m compares a torque with a force.
+    `errors` (n, 6) linear in the parameters by `J` (n, 6, q), of which `information` (q, q) and `pull` (q,) are known.
 
     In the order in which the poses are off the best trimmed fit, those are left out that the evidence of a steady bias
     would leave out.
@@ -135,7 +135,7 @@ def likely_clean(
     if n < FEWEST_POSES:
         return np.ones(n, dtype=bool), np.ones(n, dtype=bool)
     h = max(int(np.ceil(CLEAN_SHARE * n)), min(n - 1, FEWEST_POSES))
-    problem = _Trimmed(J, errors, information, pull, lever, h)
+    problem = _Trimmed(J, errors, information, pull, h)
     kept = problem.concentrated(_subsets(n), CONCENTRATIONS)
     best = kept[np.argsort(problem.fit(kept, 1).score)[:FINALISTS]]
     best = problem.concentrated(best, MOST_CONCENTRATIONS)
@@ -164,13 +164,12 @@ def _subsets(n: int) -> NDArray[np.bool_]:
 class _Trimmed:
     """Least squares on subsets of the poses, in stacks."""
 
-    def __init__(self, J: Array, errors: Array, information: Array, pull: Array, lever: float, h: int) -> None:
+    def __init__(self, J: Array, errors: Array, information: Array, pull: Array, h: int) -> None:
         self.J, self.errors, self.information, self.pull, self.h = J, errors, information, pull, h
-        self.unit = np.array([1.0, 1.0, 1.0, lever, lever, lever])
         n, _, q = J.shape
         columns = np.concatenate([J, errors[..., None]], axis=2)
         groups = columns.reshape(n, 2, 3, q + 1)
-        squared = np.sum((errors / self.unit) ** 2, axis=1)
+        squared = np.sum((errors / (OF_GROUPS @ COMPARED)) ** 2, axis=1)
         self.rough = max(float(np.median(squared)) / 6.0, 1e-20)
         self.products = np.einsum("ngap,ngaq->gnpq", groups, groups).reshape(2, n, -1)
 
@@ -179,7 +178,7 @@ class _Trimmed:
         k, n = kept.shape
         q, share = self.J.shape[2], kept.astype(np.float64)
         products = (share @ self.products).reshape(2, k, q + 1, q + 1)
-        variance = np.array([1.0, self.unit[3] ** 2])[:, None] * self.rough * np.ones((2, k))
+        variance = COMPARED[:, None] ** 2 * self.rough * np.ones((2, k))
         count = kept.sum(axis=1)
         freedom = np.maximum(3.0 * count - 0.5 * q, 0.25 * count)
         for _ in range(passes):

@@ -1,14 +1,12 @@
-"""The paper's estimator: two decoupled regressions, with the measured force as the torque's regressor.
+"""The paper's estimator: two decoupled regressions, with the measured force as the torque's regressor (method, "The
+paper's estimator").
 
 1. Torque, Eq. 5-7: `T = com x F + l`, six unknowns com, l.
-2. Force, Eq. 13-15, with the third row corrected to -R33: unknowns G cos(theta), G sin(theta), G_z, F0. Nothing ties
-   the first two to the third, so the x and y rows give one weight, G_xy, and the z rows another, G_z; the paper does
-   not say which it uses, this package uses the second.
+2. Force, Eq. 13-15, with the third row corrected to -R33: unknowns G cos(theta), G sin(theta), G_z, F0. G_z is used.
 3. T0 from l, F0 and com, Eq. 16.
 
-Each regression is ordinary least squares, as in the paper. The covariance is that of the whole chain to first order,
-with one variance for the noise of fx and fy, one for that of fz, and one for that of the torques: what the torque
-regression leaves, less the part that the force's noise has in its regressor.
+The covariance is that of the whole chain to first order, with one variance for the noise of fx and fy, one for that of
+fz, and one for that of the torques: what their regression leaves, less what the force's noise has in its regressor.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from ..calibration.findings import Finding, Kind
 from ..errors import refuse
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.wrench import STANDARD_GRAVITY
-from ..model import AXES, GRAVITY, RigidTool, gravity_in_flange
+from ..model import AXES, GRAVITY, gravity_in_flange
 from ..samples.samples import Samples
 from .estimate import Estimate, RigidEstimate
 from .priors import Question, rows_of
@@ -89,11 +89,6 @@ LEAST_COUNT = 300.0
 """N m, beyond what wrist sensors measure, and whole numbers at that."""
 USUAL = 1.5
 """Of the logarithm of a centre of mass: by so much torques in N mm are forgiven, as they are commoner than the rest."""
-
-
-def weighs_next_to_nothing(tool: RigidTool, R_base_flange: Array) -> bool:
-    """Whether poses (n, 3, 3) that tilt the tool widely show next to no weight."""
-    return abs(tool.weight) < LIGHTEST_TOOL and tilts_widely(R_base_flange, tool.gravity_direction)
 
 
 def tilts_widely(R_base_flange: Array, gravity_direction: Array) -> bool:

@@ -11,14 +11,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.observability import LEVER
+from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import RigidTool, wrench_jacobian
-from .bias_drift import kernels_of
-from .hypotheses import Hypothesis
-from .orientation_errors import two_levels
+from .bias_drift import Drift, kernels_of
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
-from .problem import Problem
+from .problem import Hypothesis, Problem
 from .robot_errors import turns_across_gravity
 from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, settled, settled_beside, table_at
 
@@ -89,9 +87,12 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
 
 
 def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
-    """The problem in which the poses left out are no outliers, but on one of two levels, as backlash makes them."""
+    """The problem in which the poses left out are no outliers, but on one of two levels, as backlash makes them, the
+    constant halfway between.
+    """
     log_prior = log_prior_two_levels(len(kept), int(np.sum(~kept)))
-    return replace(problem, kernels=kernels_of(len(kept), [two_levels(~kept)], [log_prior], steady=False))
+    levels = Drift(Kind.TWO_LEVELS, np.where(kept, 0.5, -0.5)[:, None])
+    return replace(problem, kernels=kernels_of(len(kept), [levels], [log_prior], steady=False))
 
 
 def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -107,7 +108,7 @@ def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDA
         own = np.linalg.inv(np.eye(6) + turned @ turned.transpose(0, 2, 1))
         weigh = noise * np.linalg.cholesky(own).transpose(0, 2, 1) / noise.T
         J, errors = weigh @ J, (weigh @ errors[..., None])[..., 0]
-    return likely_clean(J, errors, information, pull, LEVER)
+    return likely_clean(J, errors, information, pull)
 
 
 def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:

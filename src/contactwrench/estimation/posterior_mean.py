@@ -6,18 +6,11 @@ import numpy as np
 
 from ..calibration.findings import BIAS_MOVED, Kind
 from ..geometry.arrays import Array
-from ..model import (
-    matrix_jacobian,
-    small_change_about,
-    stepped,
-    wrench_jacobian,
-    wrench_matrix,
-)
+from ..model import matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
 from .beliefs import beliefs_of
 from .error_covariance import Turned
 from .estimate import IN_DOUBT, RigidEstimate
 from .noise import MOST_DOF, PoseReadings
-from .orientation_errors import of_gain
 from .outliers import probability_of_a_level
 from .posterior import deleted_errors
 from .priors import rows_of
@@ -70,7 +63,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     of_axes, spread = _of_axes(problem, first)
     of_axes = axes @ of_axes @ axes.T
     covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes[:6], 1)
-    of_B = of_gain(problem, tables, weight)
+    of_B = _of_gain(problem, tables, weight)
     covariance = 0.5 * (covariance + covariance.T)
     variance = weight @ np.concatenate([table.members.variance for table in tables])
     variance = variance * _noisier_alone(problem, first) + _of_what_differs_anew(problem, tables, weight)
@@ -142,6 +135,45 @@ def _of_what_differs_anew(problem: Problem, tables: list[Table], weight: Array) 
             elif drift.kind is Kind.CABLE:
                 added += share * strength**2 * table.members.variance[member]
     return added
+
+
+def _of_gain(problem: Problem, tables: list[Table], weight: Array) -> Array:
+    """What gain and cross-talk add to the covariance of B (24, 24), by the probabilities `weight` of all members."""
+    of_B = np.zeros((24, 24))
+    for table, here in each_with_place(tables):
+        own = np.flatnonzero(table.kinds == Kind.GAIN)
+        if len(own):
+            best = int(own[np.argmax(table.members.log_evidence[own])])
+            of_B += float(weight[here][own].sum()) * _slopes(problem, table, best)
+    return of_B
+
+
+def _slopes(problem: Problem, table: Table, member: int) -> Array:
+    """Of a sensor with gain and cross-talk: the covariance of B with a slope of its own for each axis, less that of the
+    rigid B, and the slopes that were found.
+    """
+    m, kept, q = table.members, table.kept, len(problem.names)
+    drift, strength = table.kernel_of(member)
+    variance = m.variance[member]
+    D = np.zeros((int(kept.sum()), 6, q + 18))
+    D[:, :, :q] = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)
+    for axis in range(6):
+        D[:, axis, q + 3 * axis : q + 3 * axis + 3] = drift.columns[kept]
+    weighted = covariance_of_errors(problem, table, member, without_kernel=True).precision_times(D)
+    information = np.tensordot(D, weighted, ((0, 1), (0, 1)))
+    right = np.tensordot(weighted, problem.errors(table.tool, float(m.turn[member]))[kept], ((0, 1), (0, 1)))
+    information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[member]]
+    right[problem.columns] += table.priors.pull[m.hypothesis[member]]
+    information[range(q, q + 18), range(q, q + 18)] += np.repeat(1.0 / (strength**2 * variance), 3)
+    covariance = inverse_of(information)
+    to_B = np.zeros((24, q + 18))
+    to_B[:, :q] = matrix_jacobian(table.tool, problem.names)
+    for axis in range(6):
+        to_B[4 * axis : 4 * axis + 3, q + 3 * axis : q + 3 * axis + 3] = np.eye(3)
+    found = (covariance @ right)[q:].reshape(2, 9)
+    rigid = to_B[:, :q] @ covariance[:q, :q] @ to_B[:, :q].T
+    alike = np.diag(np.repeat(np.mean(found**2, axis=1), 9))  # as large as found, in no direction of its own
+    return np.asarray(to_B @ covariance @ to_B.T - rigid + to_B[:, q:] @ alike @ to_B[:, q:].T)
 
 
 def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.difference import origin_of_tool
 from ..errors import InputError
 from ..geometry import ranges
 from ..geometry.arrays import Array
@@ -218,11 +217,6 @@ KNOWABLE: dict[str, tuple[str, slice, Callable[[Any], Any], ranges.Range, tuple[
     "gravity": ("gravity_direction", DOWN, lambda x: unit_direction(x, "known gravity"), ranges.TILT_STD, ((),)),
 }
 """What may be known: the field of a tool that it is, its `COORDINATES`, how its value is read, what its std may be."""
-
-
-def provenance_of(prior: Calibration) -> dict[str, str]:
-    """What a calibration that rests on it says of that."""
-    return {"prior": str(prior.provenance.get("source", "arrays")), "tool_from": origin_of_tool(prior)}
 
 
 def tool_of(prior: Calibration) -> RigidTool:

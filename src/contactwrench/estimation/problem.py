@@ -1,22 +1,83 @@
-"""What is asked of a set of poses: readings, what may be wrong with them, and what is known."""
+"""What is asked of a set of poses: readings, what may be wrong with them, and what is known of mounting and base.
+
+Each of these is exactly nominal, nearly so, or anything, with a probability before the readings (method, "One
+inference"). Nothing is chosen: the answer is the mean over all, by evidence.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from ..geometry.arrays import Array
 from ..model import GRAVITY, RigidTool, all_but_the_bias, free_wrench, gravity_in_flange, stepped, wrench_matrix
 from .bias_drift import Kernels
-from .noise import NoiseModel
-from .priors import Question
+from .least_squares import Priors
+from .noise import ALIKE, AXES, NoiseModel
+from .priors import EXACT_TILT_SD, PriorRows, Question, rows_of
+
+PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
+"""Of (mounting, base) exactly nominal: in four of ten cells both, in three neither."""
+
+WIDTHS = {1.0: 0.8, 4.0: 0.2}
+"""Of a tilt near nominal, in units of its stated standard deviation, with their probabilities."""
+
+ANY_MOUNTING, ANY_BASE = 0.03, 0.02
+"""That a mounting, or a base, points anywhere."""
+
+COM_SD = 0.15
+"""m: a tool's size, which keeps what poor poses cannot tell within it; what is surely further off goes free."""
 
 LARGEST_TURN = 0.5
 """rad in one step."""
 
 BEYOND_WALL = 0.2
 """Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """`mount` and `base`: standard deviation (rad, an axis) of the tilt about nominal, None where it is free; `exact`
+    whether each is exactly nominal; `log_prior` its probability, with the density of the tilts; how far `apart` the
+    noises of axes are (noise.py).
+    """
+
+    mount: float | None
+    base: float | None
+    exact: tuple[bool, bool]
+    log_prior: float
+    apart: float = ALIKE
+
+
+def hypotheses_of(question: Question, any_mounting: bool, any_base: bool) -> tuple[Hypothesis, ...]:
+    """Those to which a fit belongs whose mounting, or base, was looked for anywhere, the widest last."""
+    tilts = [Hypothesis(None, None, (False, False), 0.0)]
+    if question.nominal:
+        of_mount = _options(question.priors.mount, any_mounting, ANY_MOUNTING, np.log(4.0 * np.pi))
+        of_base = _options(question.priors.base, any_base, ANY_BASE, np.log(2.0 * np.pi))
+        tilts = [
+            Hypothesis(mount, base, (exact, level), float(np.log(PROBABILITY[exact, level]) + log_m + log_b))
+            for (mount, log_m, exact), (base, log_b, level) in product(of_mount, of_base)
+        ]
+    return tuple(
+        replace(tilt, apart=apart, log_prior=tilt.log_prior + float(np.log(share)))
+        for tilt in tilts
+        for apart, share in (AXES if question.noise is None else {ALIKE: 1.0}).items()
+    )
+
+
+def _options(
+    sd: float | None, free: bool, any_probability: float, log_area: float
+) -> list[tuple[float | None, float, bool]]:
+    """Standard deviation, log density, and whether exact, of each option of one tilt; `log_area` of all directions."""
+    if sd is None:
+        return [(None, 0.0, False)]
+    if free:
+        return [(None, float(np.log(any_probability) - log_area), False)]
+    options = [(EXACT_TILT_SD, 1.0, True), *((sd * width, share, False) for width, share in WIDTHS.items())]
+    return [(s, float(np.log(share) - log_area - 2.0 * np.log(s)), exact) for s, share, exact in options]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,3 +118,22 @@ class Problem:
         if moved.weight < 0.0 and GRAVITY[0] in self.names and d @ self.question.gravity_direction < BEYOND_WALL:
             return replace(moved, weight=-moved.weight, gravity_direction=-d)
         return moved
+
+    def known_at(self, tool: RigidTool) -> PriorRows:
+        """What is known of the parameters but the bias, and what is nominal, linearised at `tool`."""
+        known = rows_of((*self.question.knowledge, *self.question.nominal), tool, self.names)
+        return PriorRows(known.residuals, known.jacobian[:, self.columns])
+
+    def priors_at(self, tool: RigidTool, hypotheses: tuple[Hypothesis, ...]) -> Priors:
+        """What is known beforehand under each hypothesis, linearised at `tool`."""
+        known, h = self.known_at(tool), len(hypotheses)
+        J = known.jacobian
+        precision, of_volume = np.ones((h, len(J))), np.zeros((h, J.shape[1], J.shape[1]))
+        if self.question.nominal:
+            tilts = np.array([[0.0 if sd is None else sd**-2.0 for sd in (it.mount, it.base)] for it in hypotheses])
+            precision[:, -7:-4] = 1.0 / (COM_SD**2 + float(tool.com @ tool.com))
+            precision[:, -4:] = np.repeat(tilts, 2, axis=1)
+            of_volume += np.multiply.outer(tilts[:, 0] == 0.0, J[-4:-2].T @ J[-4:-2])
+            of_volume[:, [-2, -1], [-2, -1]] += tilts[:, 1:] == 0.0
+        log_prior, apart = np.array([(it.log_prior, it.apart) for it in hypotheses]).T
+        return Priors(known, precision, of_volume, log_prior, apart)

@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, response, response_jacobian
-from .bias_drift import kernels_of, possible_drifts
+from .bias_drift import kernels_of, orientation_errors, possible_drifts
 from .estimate import RigidEstimate
-from .hypotheses import WIDTHS, Hypothesis, hypotheses_of, known_at, priors_at
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .noise import NoiseModel, PoseReadings, relative_variances
-from .orientation_errors import orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
 from .priors import Question, tool_of
-from .problem import Problem
+from .problem import WIDTHS, Hypothesis, Problem, hypotheses_of
 from .robot_errors import turns_of_robot
 from .tables import Table, near_kernels, settled, table_at
 
@@ -63,8 +61,9 @@ def estimated(
         plain: all poses belong, the bias is steady, and nobody asks for held-out errors.
         begin: where to, of a model other than `auto`; None: everywhere is looked at.
     """
-    problem = _problem(readings, question, plain or len(readings) > MOST_JUDGED)
-    tables = _tables(problem, plain or len(readings) > MOST_JUDGED, begin)
+    steady = plain or len(readings) > MOST_JUDGED
+    problem = _problem(readings, question, steady)
+    tables = _tables(problem, steady, begin)
     relative = readings.relative_variance
     if question.noise is None and float(relative.max()) > EVEN * float(relative.min()):
         members = tables[0].members
@@ -82,12 +81,10 @@ FEWEST_FOR_ORIENTATION = 5
 
 
 def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem:
-    n = len(readings)
-    relative = np.ones(n)
-    spread = readings.wrench - readings.wrench.mean(axis=0)
-    start = relative_variances(question.noise) * max(float(np.mean(spread[:, :3] ** 2)), 1e-20)
-    if question.noise is not None:
-        start = relative_variances(question.noise)
+    n, start = len(readings), relative_variances(question.noise)
+    if question.noise is None:
+        spread = readings.wrench[:, :3] - readings.wrench[:, :3].mean(axis=0)
+        start = start * max(float(np.mean(spread**2)), 1e-20)
     robot: tuple[Array | None, ...] = ()
     drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
     if not plain and n > FEWEST_FOR_ORIENTATION and question.earlier is None:
@@ -97,7 +94,7 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     return Problem(
         readings.R_base_flange,
         readings.wrench,
-        relative,
+        np.ones(n),
         kernels_of(n, drifts, log_prior),
         PARAMETERS[model_fitted(question.model)],
         question,
@@ -153,7 +150,7 @@ def _led_by_the_others(problem: Problem, best: list[Table], begin: RigidTool) ->
 
 def _is_near_nominal(problem: Problem, tool: RigidTool) -> bool:
     """Whether the tilts are such that those near nominal are likelier beforehand than ones that may be anything."""
-    tilts, priors = known_at(tool, problem.names, problem.question).residuals[-4:], problem.question.priors
+    tilts, priors = problem.known_at(tool).residuals[-4:], problem.question.priors
     widths = np.repeat([np.inf if sd is None else max(WIDTHS) * sd for sd in (priors.mount, priors.base)], 2)
     return bool(np.all(np.abs(tilts) < widths))
 
@@ -188,7 +185,7 @@ def _approached(
         scale = 1.0 / max(misfit / (6.0 * poses), 1e-30)
         J = (response_jacobian(tool, problem.names) * root[:, None]).transpose(1, 0, 2)
         D: Array = (R @ J.reshape(-1, 9).T).reshape(errors.size, -1)
-        known = priors_at(tool, problem.names, (wide,), problem.question)
+        known = problem.priors_at(tool, (wide,))
         information = scale * D.T @ D + known.information[0]
         unit = np.sqrt(np.maximum(np.diag(information), 0.0)) + 1e-100
         scaled = information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))

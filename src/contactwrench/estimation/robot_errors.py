@@ -1,12 +1,8 @@
 """Errors of the robot's orientation: each turns the weight, across gravity and never along it.
 
 A pose whose flange is off by a small rotation phi (rad, flange axes) reads B [r]_x phi more, r gravity in the flange
-and B the tool's wrench matrix. That is two directions of six, in which the torque goes with the force: under a quiet
-sensor what lies along gravity, and the torque about the centre of mass, are exact where the rest is not. Taken for
-noise alike on all axes such errors would make the weight doubtful that the readings tell well, and a pose that a robot
-has a bit off look like one in contact.
-
-Robots err beside whatever else there is: so each likely drift is looked at with such turns, too.
+and B the tool's wrench matrix: two directions of six, in which the torque goes with the force. Robots err beside
+whatever else there is: so each likely drift is looked at with such turns, too (method, "One inference").
 """
 
 from __future__ import annotations

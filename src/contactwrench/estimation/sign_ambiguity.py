@@ -1,9 +1,7 @@
 """What must hold before an estimate is handed on: parameters that the poses separate, a noise, a possible sign.
 
-Free air cannot tell everything (method, section 4b). Negating force and torque of an upright robot gives exactly the
-data of a robot that hangs from the ceiling; a mirrored axis looks the same, with another mounting. So such readings are
-refused, both ways to understand them named. Where they fit both ways alike, as they do when gravity's directions all
-lie in one plane of the sensor, what was stated is taken, and a finding says that it was not confirmed.
+Readings that free air cannot tell from another sign are refused, both ways to understand them named; where they fit
+both ways alike, what was stated is taken, and a finding says so (method, "What free-air data cannot tell").
 """
 
 from __future__ import annotations

@@ -14,19 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
-from ..model import (
-    RigidTool,
-    response,
-    response_jacobian,
-    wrench_jacobian,
-)
+from ..model import RigidTool, response, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
 from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned
-from .hypotheses import Hypothesis, known_at, priors_at
-from .least_squares import Members, Priors, gram, solved
-from .moments import moments_of
+from .least_squares import Members, Priors, gram, moments_of, solved
 from .outliers import log_density_outlying, log_prior_outlying
-from .problem import Problem
+from .problem import Hypothesis, Problem
 from .robot_errors import ODDS, likely_with, turns_across_gravity
 from .variance_components import Linear, members_of
 
@@ -122,7 +115,7 @@ def _untouched(
     kernels = problem.kernels.select(among)
     moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
     G = gram(tool, problem.names, moments.S)
-    priors = priors_at(tool, problem.names, hypotheses, problem.question)
+    priors = problem.priors_at(tool, hypotheses)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
     if len(k) > FEW_PAIRS:
         each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)
@@ -280,7 +273,7 @@ def _bent(problem: Problem, table: Table, step: Array, moved: RigidTool) -> floa
     beyond = response(moved) - response(table.tool) - np.tensordot(step, J, 1)
     of_readings = problem.R_base_flange[table.kept].reshape(-1, 9) @ beyond.T
     of_readings = (of_readings - of_readings.mean(axis=0)) ** 2 / m.variance[table.best]
-    of_known = known_at(moved, problem.names, problem.question).residuals - known.residuals + known.jacobian @ step
+    of_known = problem.known_at(moved).residuals - known.residuals + known.jacobian @ step
     precision = np.exp(m.log_evidence - table.log_evidence) @ table.priors.precision[m.hypothesis]
     return float(np.sqrt(np.sum(of_readings) + precision @ of_known**2))
 

@@ -1,7 +1,7 @@
 """Noise, a drift and turns of the robot's orientation together, by restricted likelihood.
 
-Where orientations err, poses and axes do not separate, and moments (moments.py) are not enough: here the covariance V
-of all readings (error_covariance.py) is taken as it is. Its variances, of each axis' noise, of a drift in units of
+Where orientations err, poses and axes do not separate, and moments are not enough: here the covariance V of all
+readings (error_covariance.py) is taken as it is. Its variances, of each axis' noise, of a drift in units of
 these, of turns in rad, are at their joint optimum (Patterson and Thompson, 1971), by steps of Newton's method in their
 logarithms, with the expected curvature where the true one is smaller. The evidence is Laplace's.
 """

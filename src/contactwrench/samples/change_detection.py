@@ -1,9 +1,8 @@
 """Where values in noise stay at one level: the noise of their means by length, and the segments between their changes.
 
-Two neighbouring windows whose means differ by more than the noise of means of that length gives once in a million
-windows are a change. What changes more slowly than the window shows is looked for with windows twice as long, and so
-on. The noise of an orientation is white beyond a window; that of a reading is not, and is taken at every length from
-the recording's own stops: what all stops do is no change, however slowly it moves.
+Two neighbouring windows whose means differ by more than their noise are a change; what changes more slowly is looked
+for with windows twice as long, and so on. The noise of an orientation is white beyond a window; that of a reading is
+not, and is taken at every length from the recording's own stops (method, "Still segments").
 """
 
 from __future__ import annotations

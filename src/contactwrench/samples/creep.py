@@ -1,9 +1,8 @@
-"""Creep: the share of each change of its load that a sensor shows late.
+"""Creep: the share of each change of its load that a sensor shows late (method, "Still segments").
 
-Strain gauges and their glue follow a new load by most of it at once, and go on by the logarithm of time; what earlier
-changes left adds up (Boltzmann's superposition): the reading is F(t) + c sum_j dF_j log(t - t_j), with dF_j the change
-of load at t_j. Within one stop that is no different from a bias that wanders; that the readings of all stops go on as
-their own changes of load have it is. Of the logarithm only differences enter, so its unit of time does not.
+The reading is F(t) + c sum_j dF_j log(t - t_j), with dF_j the change of load at t_j (Boltzmann's superposition). Within
+one stop that is no different from a bias that wanders; that the readings of all stops go on as their own changes of
+load have it is. Of the logarithm only differences enter, so its unit of time does not.
 """
 
 from __future__ import annotations

@@ -131,11 +131,14 @@ def _left(moments: Array) -> Array:
 
 def _explained(state: Array, wrench: Array, down: Array | None, weight: Array) -> tuple[Array, Array, Array, Array]:
     """The linear fit of readings (n, 6) by the motion's state at their moments, with these weights (n,): residuals
-    (n, 6), coefficients (p, 6), and what `_orthonormal` makes of the weighted columns.
+    (n, 6), coefficients (p, 6), an orthonormal basis (n, k) of the weighted columns, and what turns coefficients on it
+    into those of the columns (p, k), the smallest where columns say the same.
     """
     root = np.sqrt(weight)[:, None]
     columns = _columns(state, down)
-    basis, unit = _orthonormal(columns * root)
+    weighted = columns * root
+    unit = _independent(_sums(weighted, weighted))
+    basis = _times(weighted, unit)
     coefficients = unit @ _sums(basis, root * wrench)
     return wrench - _times(columns, coefficients), coefficients, basis, unit
 
@@ -227,14 +230,6 @@ def _step(
     weightless = float(1.0 / np.sqrt(max(6.0 * (noisy**2).sum(), 1e-300)))
     moved: Array = np.r_[step[0], step[1:] @ across]
     return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, weightless, misfit)
-
-
-def _orthonormal(columns: Array) -> tuple[Array, Array]:
-    """An orthonormal basis (n, k) of columns (n, p), and what turns coefficients on it into those of the columns
-    (p, k), the smallest where columns say the same.
-    """
-    unit = _independent(_sums(columns, columns))
-    return _times(columns, unit), unit
 
 
 def _independent(moments: Array) -> Array:

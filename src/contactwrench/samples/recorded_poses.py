@@ -122,7 +122,9 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         _require_few(samples, some)
         label = label_orientations(some)[of_row]
         first = np.unique(label, return_index=True)[1]
-        if len(first) > MOST_POSES or (len(first) > MOST_ON_THE_WAY and _lie_close(samples.R_base_flange[first])):
+        of_each = samples.R_base_flange[first]
+        close = len(first) > MOST_ON_THE_WAY and np.median(angles_between(of_each[:-1], of_each[1:])) < CLOSE
+        if len(first) > MOST_POSES or close:  # as none do that anybody chose
             raise _too_many(samples, len(first))
         _require_seconds(samples, len(first))
         poses, visit = averaged(samples, label), visits(label, most_visits)
@@ -204,11 +206,6 @@ def _require_seconds(samples: Samples, count: int) -> None:
             f"{samples.source}: found an arm that turns by {np.rad2deg(turned):.0f} deg in {took:.3g} s, expected "
             "times in s, with their decimals: write them so, or name another column, of poses none, with --time-column"
         )
-
-
-def _lie_close(R: Array) -> bool:
-    """Whether most orientations lie next to the one before, as none do that anybody chose."""
-    return bool(np.median(angles_between(R[:-1], R[1:])) < CLOSE)
 
 
 def _follows_the_arm(R: Array) -> bool:

@@ -1,12 +1,8 @@
 """Still segments of a recording: where the arm stands and the reading stays, and why the others are left out.
 
-The rule. A recording is cut where its times have a gap, and averaged over blocks of 20 ms. The arm stands where its
-orientation does not change (change_detection.py: windows of 0.1 s, or of three rows where those take longer), by more
-than its own noise and `STILL_ANGLE`. Then the same is asked of the reading, against the noise that means of each length
-have in this recording's own stops: what creeps as the others do is no change, and counts in the covariance of the mean.
-A stop is left out where its reading moves much more than the others do, jumps or shakes. The beginning of a segment is
-cut to where neither the arm swings nor a filter's tail is left that the data show, and by half as long again, as a tail
-is there before and after it shows.
+A recording is cut where its times have a gap, and averaged over blocks of 20 ms. Where the arm stands, changes of the
+reading are looked for against the noise that means of each length have in this recording's own stops: what creeps as
+the others do is no change, and counts in the covariance of the mean (method, "Still segments").
 """
 
 from __future__ import annotations

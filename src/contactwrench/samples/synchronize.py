@@ -38,14 +38,6 @@ REASONS = (NOT_A_NUMBER, BEFORE, AFTER, GAP, TURN)
 
 
 @dataclass(frozen=True)
-class Limits:
-    """The longest times, s, between two rows that are no gap: of the `orientation` and of the `wrench`."""
-
-    orientation: float
-    wrench: float
-
-
-@dataclass(frozen=True)
 class Hole:
     """Where something is missing: a gap of a stream, or a turn that is too large; `start` and `end` s, as stamped."""
 
@@ -140,13 +132,14 @@ def default_gap(t: Array) -> float:
 
 
 class _Pairing:
-    """A recording as its batches come: the rows that wait, and what of those before has no sample."""
+    """A recording as its batches come: the rows that wait, and what of those before has no sample. The longest times,
+    s, between two orientations, and two readings, that are no gap are 0 until they are known.
+    """
 
     def __init__(self, delay: float, delay_std: float | None, longest_gap: float | None, at_their_pace: bool) -> None:
-        self._delay, self._delay_std, self._longest_gap = delay, delay_std, longest_gap
-        self._at_their_pace = at_their_pace
+        self._delay, self._delay_std, self._at_their_pace = delay, delay_std, at_their_pace
+        self._longest_gap, self._wrench_gap = longest_gap or 0.0, 0.0
         self._buffer: Buffer | None = None
-        self._limits: Limits | None = None
         self._count: Counter[str] = Counter()
         self._holes: Counter[Hole] = Counter()
         self._read_as: ReadAs = {}
@@ -158,26 +151,26 @@ class _Pairing:
         buffer = self._buffer = with_batch(self._buffer, batch)
         if is_last:
             _require_two_streams(buffer, self._delay)
-        if self._limits is None and (is_last or buffer.is_begun):
-            longest_gap = self._longest_gap or default_gap(buffer.orientations.t)
-            self._limits = Limits(longest_gap, default_gap(buffer.readings.t))
-        if self._limits is None or (self._at_their_pace and not is_last):
+        if not self._wrench_gap and (is_last or buffer.is_begun):
+            self._longest_gap = self._longest_gap or default_gap(buffer.orientations.t)
+            self._wrench_gap = default_gap(buffer.readings.t)
+        if not self._wrench_gap or (self._at_their_pace and not is_last):
             return self._nothing(buffer)
-        nodes = nodes_of(buffer, self._limits.orientation, is_last)
+        nodes = nodes_of(buffer, self._longest_gap, is_last)
         if self._at_their_pace and len(nodes.t) > 2:
             nodes = nodes_at_pace(buffer, nodes)
         if self._pose_period is None and len(nodes.t) > 1:
             self._pose_period = float(np.median(np.diff(nodes.t)))
         n = buffer.decided(nodes.until + self._delay, is_last) if len(nodes.t) > 1 else 0  # one alone: none is between
-        pairs = self._paired(buffer, n, nodes, self._limits) if n else self._nothing(buffer)
+        pairs = self._paired(buffer, n, nodes) if n else self._nothing(buffer)
         self._count.update({part.reason: len(part.rows) for part in pairs.left_out}, paired=len(pairs.rows))
         t = np.r_[buffer.passed, buffer.readings.t[:n]]
-        for k in np.flatnonzero(np.diff(t) > self._limits.wrench):
+        for k in np.flatnonzero(np.diff(t) > self._wrench_gap):
             self._holes[Hole(WRENCH_GAP, float(t[k]), float(t[k + 1]))] += 1
         self._buffer = buffer.after(n, nodes, self._delay)
         if not is_last:
             return pairs
-        self._require_enough(buffer, self._limits)
+        self._require_enough(buffer)
         return replace(pairs, notes=self._notes(buffer))
 
     def _nothing(self, buffer: Buffer) -> Synchronized:
@@ -200,7 +193,7 @@ class _Pairing:
             pose_period=self._pose_period,
         )
 
-    def _paired(self, buffer: Buffer, n: int, nodes: Nodes, limits: Limits) -> Synchronized:
+    def _paired(self, buffer: Buffer, n: int, nodes: Nodes) -> Synchronized:
         """Of the first n readings that wait the samples, and those left out."""
         readings, orientations = buffer.readings.select(slice(n)), buffer.orientations
         tau, t = readings.t - self._delay, orientations.t[: nodes.count]
@@ -213,7 +206,7 @@ class _Pairing:
                 ~np.isfinite(readings.wrench).all(axis=1),
                 tau < t[0],
                 tau > t[-1],
-                between_rows & (np.diff(t) > limits.orientation)[step],
+                between_rows & (np.diff(t) > self._longest_gap)[step],
                 between_nodes & (arcs.angle > LARGEST_TURN)[arc],
             )
         ):
@@ -233,14 +226,14 @@ class _Pairing:
             position = start_of[arc] + share[:, None] * (start_of[arc + 1] - start_of[arc])
         return Synchronized(self._samples(readings, arcs.at(arc, share), position), readings.row, left_out)
 
-    def _require_enough(self, buffer: Buffer, limits: Limits) -> None:
+    def _require_enough(self, buffer: Buffer) -> None:
         count, source = self._count, buffer.wrench_stamps.source
         lost = count[GAP] + count[TURN]
         inside = count["paired"] + lost
         if lost > MOST_LEFT_OUT * inside:
             what = GAP if count[GAP] >= count[TURN] else TURN
             words = {
-                GAP: f"in gaps of the orientation longer than {limits.orientation:.3g} s",
+                GAP: f"in gaps of the orientation longer than {self._longest_gap:.3g} s",
                 TURN: "between orientations more than 90 deg apart, where the way round is not known",
             }[what]
             first = next(hole for hole in self._holes if hole.what == what)
