@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,12 @@ def table(folder: Path, t: Array, wrench: Array, R: Array, name: str = "run.csv"
 def tool(folder: Path) -> Path:
     calibrated(3)[0].save(folder / "tool.json")
     return folder / "tool.json"
+
+
+@cache
+def with_inertia() -> cw.Calibration:
+    """Of the moving rig's tool."""
+    return cw.calibrate(moving(7, stops=8, seconds=12.0, rate=250.0).samples(), "dynamic")
 
 
 def test_a_folder_goes_to_stdout(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,7 +93,7 @@ def test_noise_from_a_table_beside_two_files(tmp_path: Path, capsys: Capture) ->
 
 def test_noise_from_a_free_motion_beside_an_inertia_is_what_that_leaves(tmp_path: Path, capsys: Capture) -> None:
     """Not what the inertia does, which is 20 times as much; a push of 5 N is felt."""
-    cw.calibrate(moving(7, stops=8, seconds=12.0, rate=250.0).samples(), "dynamic").save(tmp_path / "swing.json")
+    with_inertia().save(tmp_path / "swing.json")
     push = Push(2.0, 2.6, np.array([3.0, 0.0, 4.0]))
     paths = []
     for seed, pushes in ((31, ()), (32, (push,))):
@@ -105,13 +111,12 @@ def test_noise_from_a_free_motion_beside_an_inertia_is_what_that_leaves(tmp_path
 
 def test_an_inertia_takes_poses_at_their_pace_whatever_their_stamps(tmp_path: Path) -> None:
     """Sent at 62.5 Hz and stamped as they came, some ms early or late: of free air no more is left than the noise."""
-    known = cw.calibrate(moving(7, stops=8, seconds=12.0, rate=250.0).samples(), "dynamic")
     rec = moving(33, stops=0, seconds=5.0, rate=250.0).recorded
     t = rec.t[::4] + np.random.default_rng(1).uniform(-0.004, 0.004, len(rec.t[::4]))
     wrench = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([rec.t, rec.wrench])), "w.csv")
     columns = np.column_stack([t, rec.position[::4], rec.R_base_flange[::4].reshape(-1, 9)])
     pose = written(tmp_path, csv_text(("t", "x", "y", "z", *MATRIX), columns), "p.csv")
-    found = list(compensation.compensated(wrench, Options(pose_file=pose), known, Treatment()))
+    found = list(compensation.compensated(wrench, Options(pose_file=pose), with_inertia(), Treatment()))
     force = np.concatenate([each.wrench for each in found])[100:-100, :3]
     assert np.sqrt(np.mean(np.sum(force**2, axis=1))) < 1.5 * np.sqrt(3.0) * 0.05
 
