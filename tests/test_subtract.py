@@ -179,6 +179,16 @@ def test_a_matrix_that_is_no_rotation_is_refused_wherever_it_stands(bad: Array, 
         calibration.compensate(wrench, R)
 
 
+def test_matrices_a_little_off_are_taken_for_the_nearest_rotations() -> None:
+    """Stretched by up to 0.4 % along any axes, as rounded digits do: the rotation nearest to R S is R."""
+    calibration, R, contact, wrench = _case(11, 40)
+    turn = random_rotations(40, np.random.default_rng(11))
+    stretch = np.array([1.004, 0.997, 1.001])
+    off = R @ (turn * stretch) @ turn.transpose(0, 2, 1)
+    assert np.abs(off - R).max() > 2e-3
+    assert np.abs(calibration.compensate(wrench, off) - contact).max() < 1e-8
+
+
 @pytest.mark.usefixtures("as_given")
 def test_matrices_as_given_are_held_to_what_those_made_exact_are() -> None:
     """The quick look lets nothing pass that is refused elsewhere, and refuses no more, near 1 % either way."""

@@ -107,6 +107,16 @@ IN_WORDS = {
 }
 
 
+def test_each_change_from_what_was_stated_is_one_in_twenty(tmp_path: Path) -> None:
+    """The same file, once with its sign stated: without that it takes one change, which its odds count."""
+    rig, R, rng = example(11, poses=8)
+    content = replace(RIGHT, wrench=lambda R, wrench: -wrench).text(R, noisy_readings(rig, R, NOISE, rng))
+    found, stated = found_in(tmp_path, content).best, found_in(tmp_path, content, sign="reaction").best
+    assert found.interpretation.flags == stated.interpretation.flags == ("--sign reaction",)
+    assert found.weight == pytest.approx(stated.weight)
+    assert found.odds - stated.odds == pytest.approx(-2.0 * np.log(1.0 / 20.0))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mistake", IN_WORDS)
 def test_what_no_flag_mends_is_said_in_words(mistake: str, tmp_path: Path) -> None:
@@ -219,6 +229,18 @@ def test_a_ceiling_a_reaction_and_a_mirror_are_one_class(tmp_path: Path) -> None
         down = [0.0, 0.0, 1.0] if reading.reversed_gravity else [0.0, 0.0, -1.0]
         calibration = cw.calibrate(cw.Samples(wrench_read, R_read), "mount", gravity=down)
         assert calibration.residual_rms == pytest.approx(NOISE, rel=0.6)
+
+
+def test_a_push_tells_readings_from_negated_ones_and_the_base_how_gravity_lies(tmp_path: Path) -> None:
+    """The reaction, or a robot on the ceiling: the first shows where one pushes, the second by how it stands."""
+    rig, R, rng = example(13, poses=8)
+    file = interpretations(written(tmp_path, RIGHT.text(R, noisy_readings(rig, R, NOISE, rng))))
+    given, reaction = file.interpretation(0, 0, 0), file.interpretation(0, 0, 1)
+    hanging = file.interpretation(0, 0, 1, by_gravity=True)
+    assert file.observations(given, [reaction], leans=False) == (PUSH,)
+    assert file.observations(given, [hanging], leans=False) == (SEE_BASE,)
+    assert file.observations(reaction, [hanging], leans=False) == (PUSH, SEE_BASE)
+    assert file.observations(given, [given], leans=False) == ()
 
 
 def test_a_reversed_torque_is_a_mirrored_com_and_left_alone(tmp_path: Path) -> None:

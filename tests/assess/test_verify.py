@@ -269,6 +269,17 @@ def test_loads_are_weighed_with_an_honest_std() -> None:
     assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.35)  # two and a half std of 100 squares
 
 
+def test_the_mean_of_sixteen_weighings_is_four_times_as_sure_as_one_reading() -> None:
+    """Where the calibration is far surer than a reading: sigma / (g sqrt(n))."""
+    rig, R, rng = example(14, poses=200)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+    held = random_rotations(16, rng)
+    wrench = _loaded(rig, held, 0.5) + NOISE * rng.normal(size=(16, 6))
+    (weighing,) = verify(calibration, cw.Samples(wrench, held, load_mass=np.full(16, 0.5))).weighings
+    assert weighing.n == 16
+    assert weighing.std == pytest.approx(NOISE[0] / (4.0 * 9.80665), rel=0.3)
+
+
 def test_weighing_at_a_gravity_of_ones_own_and_several_poses() -> None:
     rig, R, rng = example(9)
     calibration, poses = cw.calibrate(noisy(rig, R, rng), "mount", g=9.7803), random_rotations(6, rng)

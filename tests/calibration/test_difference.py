@@ -83,6 +83,18 @@ def test_same_tool_measured_twice_is_not_significant_and_another_is() -> None:
     assert _of(a.diff(b), "weight")[1] == pytest.approx(np.hypot(a.std["weight"], b.std["weight"]))
 
 
+@pytest.mark.parametrize(("deviations", "named"), [(2.7, ()), (3.3, ("weight",))])
+def test_what_changed_by_more_than_three_standard_deviations_is_named(
+    deviations: float, named: tuple[str, ...]
+) -> None:
+    rig, R, _ = example(9)
+    a = cw.calibrate(noise_free(rig, R), "mount", noise=NOISE)
+    heavier = rig.weight + deviations * np.sqrt(2.0) * a.std["weight"]
+    change = a.diff(cw.calibrate(noise_free(replace(rig, weight=float(heavier)), R), "mount", noise=NOISE))
+    assert change.significant == named
+    assert ("* more than 3 standard deviations: weight" in difference_text(change)) == bool(named)
+
+
 def test_models_without_a_tool_have_their_bias_in_common() -> None:
     rig, R, rng = example(6)
     samples = noisy(rig, R, rng)

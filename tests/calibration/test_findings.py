@@ -74,6 +74,14 @@ def test_a_doubtful_verdict_says_each_of_its_reasons_once(kinds: list[str], reas
     assert verdict_sentences(good())[1:] == said[-1:]
 
 
+def test_a_verdict_that_misses_what_is_required_reads_as_a_sentence() -> None:
+    """Good in spite of that, and weak beside it."""
+    missed = "force 1 N over 0.1"
+    assert f"Verdict  good, but misses what is required, {missed}: at a new orientation" in describe(good(), missed)
+    assert f"Verdict  weak, and misses what is required, {missed}: " in describe(weak(), missed)
+    assert "misses" not in describe(good())
+
+
 def test_a_note_reads_as_a_note_and_all_else_as_a_warning() -> None:
     findings = [Finding(Kind.MOTION_USED, severity, f"{severity} said") for severity in Severity]
     lines = describe(replace(good(), findings=tuple(findings))).splitlines()[-len(Severity) :]

@@ -79,6 +79,17 @@ def test_a_step_before_any_pose_leaves_the_last_bias_within_its_std(before: int)
         assert any("pose 12 (t = 110 s), the last one, was left out: " in text for text in calibration.warnings)
 
 
+def test_a_last_pose_that_is_off_is_taken_for_a_contact_rather_than_for_a_step() -> None:
+    """As it is in nearly all cases: the bias that is given is not moved towards it."""
+    for seed in range(2):
+        rig, R, rng = example(seed, poses=12)
+        wrench = noisy_readings(rig, R, NOISE, rng)
+        wrench[-1] += 20.0 * NOISE * [1.0, -1.0, 1.0, 0.0, 0.5, 0.0]
+        calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(12.0)), "mount")
+        assert np.abs((calibration.bias - rig.bias) / NOISE).max() < 3.0
+        assert any("pose 12 (t = 110 s), the last one, was left out: " in text for text in calibration.warnings)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("poses", [12, 24])
 @pytest.mark.parametrize("last", [1, 2])

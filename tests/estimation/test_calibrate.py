@@ -56,6 +56,17 @@ def test_a_ceiling_robot_is_refused_until_gravity_says_so(seed: int) -> None:
     assert_same_tool(cw.calibrate(noise_free(rig, R), "mount+base", gravity=(0, 0, 1)), rig)
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_robot_on_a_wall_is_taken_as_it_is_and_one_that_leans_further_is_refused(seed: int) -> None:
+    """By noise gravity of a wall comes out on either side of a right angle; one that leans further may be a sign."""
+    rig, R, rng = example(seed, 12)
+    wall, further = (replace(rig, down=tilted_down(np.deg2rad(deg), rng)) for deg in (90.0, 115.0))
+    calibration = cw.calibrate(noisy(wall, R, rng), "mount+base")
+    assert calibration.gravity_direction == pytest.approx(wall.down, abs=0.01)
+    with pytest.raises(AmbiguityError, match=r"gravity comes out 115 deg from .*--sign reaction, or --gravity "):
+        cw.calibrate(noisy(further, R, rng), "mount+base")
+
+
 def test_the_ceiling_message_gives_the_direction_to_state() -> None:
     rig, R, rng = example(2)
     samples = noisy(replace(rig, down=np.array([0.0, 0.0, 1.0])), R, rng)

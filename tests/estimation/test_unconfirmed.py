@@ -181,6 +181,23 @@ def test_poses_are_held_against_an_earlier_calibration_as_verify_does(heavier: f
     assert sum(passed) == (8 if heavier == 1.0 else 0)
 
 
+def test_between_a_tool_that_is_the_same_and_another_one_lies_a_doubt() -> None:
+    """Of one recording of eight poses, whose tool alone is a little heavier each time."""
+    verdicts, said = [], []
+    for heavier in (1.0, 1.004, 1.006, 1.02):
+        rig, earlier, rng = _calibrated_before(100)
+        other = replace(rig, weight=heavier * rig.weight, bias=rig.bias + rng.normal(size=6))
+        calibration = cw.calibrate(noisy(other, random_rotations(8, rng), rng), prior=earlier)
+        verdicts.append(calibration.verdict)
+        said.append([finding.text for finding in _of(calibration, Kind.CONTRADICTS_PRIOR)])
+    assert verdicts == ["good", "good", "doubtful", "weak"]
+    assert said[:2] == [[], []]
+    ((doubt,), (contradicted,)) = said[2:]
+    assert "the earlier calibration explain these poses with a probability of 0." in doubt
+    assert doubt.endswith(": if one of them changed a little, calibrate anew, without --prior")
+    assert contradicted.startswith("weak: the poses contradict the earlier calibration")
+
+
 @pytest.mark.parametrize("stated", [True, False])
 def test_a_light_tool_on_a_sensor_as_noisy_as_stated_is_not_read_wrongly(stated: bool) -> None:
     noise = np.array([0.1, 0.1, 0.1, 0.005, 0.005, 0.005])

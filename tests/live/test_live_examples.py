@@ -8,6 +8,8 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,6 +75,25 @@ def test_the_guarded_move_stops_at_contact(
     while lab[0].moving and time.monotonic() < until:
         time.sleep(0.02)
     assert not lab[0].moving
+
+
+@pytest.mark.parametrize("guarded", [True, False])
+def test_at_contact_a_guarded_arm_is_ordered_to_where_it_is(guarded: bool) -> None:
+    """At once, and not to the end of its step; where the way is known to be free nothing stops it."""
+    orders: list[dict[str, Any]] = []
+    there = [0.1, -0.2, 0.3, 0.4, -0.5, 0.6, 0.7]
+
+    def order(what: dict[str, Any]) -> dict[str, Any]:
+        orders.append(what)
+        return {"joints": there} if "state" in what else {"seconds": 0.0}
+
+    Arm = runpy.run_path(str(EXAMPLES / "live_guarded_move.py"))["Arm"]
+    arm = Arm.__new__(Arm)
+    arm.last = SimpleNamespace(pose=np.array([[0.5, -0.5, 0.1, 0.7]]), position=np.array([[0.4, 0.1, 0.3]]))
+    arm.order, arm.feel = order, lambda: "contact"
+    assert arm.go(0.25, guarded=guarded) is guarded
+    assert orders[0]["position"] == [0.4, 0.1, 0.25]
+    assert orders[1:] == ([{"state": True}, {"move": there}] if guarded else [])
 
 
 @pytest.mark.parametrize("example", ["live_loop.py", "live_guarded_move.py"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,8 @@ import contactwrench as cw
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
 from contactwrench.recording.bags.write import write_streams_bag
+from contactwrench.recording.compensate import Treatment
+from contactwrench.recording.options import Options
 from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from contactwrench.simulate.trajectory import Push
 from tests.support.in_motion import moving
@@ -32,6 +34,12 @@ def table(folder: Path, t: Array, wrench: Array, R: Array, name: str = "run.csv"
 def tool(folder: Path) -> Path:
     calibrated(3)[0].save(folder / "tool.json")
     return folder / "tool.json"
+
+
+@cache
+def with_inertia() -> cw.Calibration:
+    """Of the moving rig's tool."""
+    return cw.calibrate(moving(7, stops=8, seconds=12.0, rate=250.0).samples(), "dynamic")
 
 
 def test_a_folder_goes_to_stdout(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,7 +93,7 @@ def test_noise_from_a_table_beside_two_files(tmp_path: Path, capsys: Capture) ->
 
 def test_noise_from_a_free_motion_beside_an_inertia_is_what_that_leaves(tmp_path: Path, capsys: Capture) -> None:
     """Not what the inertia does, which is 20 times as much; a push of 5 N is felt."""
-    cw.calibrate(moving(7, stops=8, seconds=12.0, rate=250.0).samples(), "dynamic").save(tmp_path / "swing.json")
+    with_inertia().save(tmp_path / "swing.json")
     push = Push(2.0, 2.6, np.array([3.0, 0.0, 4.0]))
     paths = []
     for seed, pushes in ((31, ()), (32, (push,))):
@@ -99,6 +107,18 @@ def test_noise_from_a_free_motion_beside_an_inertia_is_what_that_leaves(tmp_path
     left = np.genfromtxt(tmp_path / "o.csv", delimiter=",", names=True)
     assert np.nanmedian(left["fx_std"]) == pytest.approx(0.05, rel=0.2)
     assert (left["contact"][np.abs(left["t"] - arm.begin - 2.3) < 0.2] == 1).all()
+
+
+def test_an_inertia_takes_poses_at_their_pace_whatever_their_stamps(tmp_path: Path) -> None:
+    """Sent at 62.5 Hz and stamped as they came, some ms early or late: of free air no more is left than the noise."""
+    rec = moving(33, stops=0, seconds=5.0, rate=250.0).recorded
+    t = rec.t[::4] + np.random.default_rng(1).uniform(-0.004, 0.004, len(rec.t[::4]))
+    wrench = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([rec.t, rec.wrench])), "w.csv")
+    columns = np.column_stack([t, rec.position[::4], rec.R_base_flange[::4].reshape(-1, 9)])
+    pose = written(tmp_path, csv_text(("t", "x", "y", "z", *MATRIX), columns), "p.csv")
+    found = list(compensation.compensated(wrench, Options(pose_file=pose), with_inertia(), Treatment()))
+    force = np.concatenate([each.wrench for each in found])[100:-100, :3]
+    assert np.sqrt(np.mean(np.sum(force**2, axis=1))) < 1.5 * np.sqrt(3.0) * 0.05
 
 
 def test_a_contact_that_lasts_to_the_end_goes_to_parquet(tmp_path: Path, capsys: Capture) -> None:

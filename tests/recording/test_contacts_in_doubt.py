@@ -130,6 +130,24 @@ def test_most_of_the_time_is_asked_about_whatever_the_force() -> None:
         assert str(doubt) == (f"in contact for 80% of the time: {CAUSES}" if asked else "")
 
 
+@pytest.mark.parametrize(("wobbles", "asked"), [(0.0, True), (3.0, False)])
+def test_a_force_little_above_the_noise_is_even_or_not_by_as_much_as_the_noise_leaves(
+    wobbles: float, asked: bool
+) -> None:
+    """From half-way on, of four standard deviations of a reading: a weight's is even but for these, a hand's is not."""
+    calibration, rig, _ = calibrated(3)
+    rng = np.random.default_rng(14)
+    t = np.arange(N) / RATE
+    R, touching = turning(N, rng), (t >= 30.0).astype(np.int8)
+    force = touching[:, None] * (4.0 + wobbles * np.sin(2.0 * np.pi * 0.4 * t))[:, None] * [0.6, 0.0, 0.8]
+    wrench = np.hstack([force + rng.normal(size=(N, 3)), np.zeros((N, 3))])
+    doubt = InDoubt(calibration)
+    doubt.add(
+        Samples(readings(rig, R) + wrench, R, t), ContactWrenches(wrench, np.ones((N, 6)), t, True, contact=touching)
+    )
+    assert ("from 30" in str(doubt)) is asked
+
+
 def of_inertia(calibration: cw.Calibration, samples: Samples, at_once: int) -> str:
     """What is said of a recording of the moving rig that is judged in batches of so many rows."""
     doubt, compensator = InDoubt(calibration), cw.Compensator(calibration, noise=0.05)

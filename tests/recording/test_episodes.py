@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.errors import ContactWrenchError, FileFormatError
+from contactwrench.recording import compensate as compensation
+from contactwrench.recording import read as streaming
 from contactwrench.recording.compensate import Treatment
 from contactwrench.recording.compensate_set import compensated_set
 from contactwrench.recording.contents import table_contents
@@ -263,6 +266,24 @@ def test_of_a_set_with_a_damaged_episode_the_others_are_compensated_where_that_i
     assert got[whole_ones].tolist() == expected[whole_ones].tolist()
     assert {tuple(row) for row in got[~whole_ones, 6:].tolist()} == {(False, f"left out: {why}")}
     assert np.isnan(got[~whole_ones, :6].astype(float)).all()
+
+
+def test_what_was_done_of_an_episode_before_it_ended_stays_and_no_row_is_there_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In batches of five rows; one of the third in the second episode has a quaternion that is none."""
+    monkeypatch.setattr(compensation, "pairs_in_batches", partial(streaming.pairs_in_batches, rows=5))
+    table = np.column_stack([Motion.wrench, QUAT, 0.1 * np.arange(60.0), EPISODES])
+    table[33, 6:10] *= 1.3
+    path = written(tmp_path, csv_text((*WRENCH, "qx", "qy", "qz", "qw", "t", "episode_index"), table))
+    every = compensated_set(path, Options(episode=0), panda(), Treatment(), [0, 1, 4], accept_damaged=True)
+    found = ContactWrenches.concatenate(list(every))
+    assert np.array_equal(np.asarray(found.episode), EPISODES)
+    first = int(np.argmin(found.valid))
+    assert 20 < first <= 33
+    assert np.flatnonzero(~found.valid).tolist() == list(range(first, 45))
+    right = panda().compensate(Motion.wrench, Motion.R)[found.valid]
+    assert found.wrench[found.valid] == pytest.approx(right, abs=1e-9)
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".csv"])

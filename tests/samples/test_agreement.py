@@ -126,6 +126,17 @@ def test_coarse_digits_and_an_arm_that_shakes_at_one_pose_part_nothing() -> None
             assert not _apart(cw.calibrate(each, "mount"))
 
 
+def test_an_arm_that_rings_at_one_of_many_orientations_is_not_in_contact_there() -> None:
+    """Four rows at each of 40: those of one are off by eight times the noise to and fro, and it is no accident."""
+    rig, R, rng = example(2, 40)
+    R = np.repeat(R, 4, axis=0)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    wrench[20:24, 2] = readings(rig, R)[20:24, 2] + 8.0 * NOISE[2] * np.array([1.0, 0.0, -1.0, 0.0])
+    assert not _apart(cw.calibrate(cw.Samples(wrench, R), "mount"))
+    wrench[20, 2] += 8.0 * NOISE[2]
+    assert _apart(cw.calibrate(cw.Samples(wrench, R), "mount"))
+
+
 def test_a_bias_that_moved_between_rounds_parts_nothing() -> None:
     """All rows of the second round are off those of the first."""
     calibration = cw.calibrate(_moved(_table(6, ROUNDS)[1], list(range(POSES, 2 * POSES))), "mount")

@@ -81,6 +81,22 @@ def test_of_a_motion_that_repeats_itself_the_std_counts_the_lag_that_it_does_not
     assert other.wrench_std(R)[:, :3].mean() < 0.5 * found.wrench_std(R)[:, :3].mean()
 
 
+def test_a_late_reading_is_within_the_std_of_its_pose() -> None:
+    """By 0.1 s, which such a motion does not tell: up to ten times what the rows of a pose scatter by."""
+    for seed, period in [(0, 30.0), (0, 40.0), (1, 40.0)]:
+        samples = stirred(seed, period, period)
+        assert samples.t is not None
+        t = samples.t
+        late = np.stack([np.interp(t - 0.1, t, axis) for axis in samples.wrench.T], axis=1)
+        poses, _ = poses_on_the_way(replace(samples, wrench=late), [])
+        u = np.array([-pose.R_base_flange[2] for pose in poses])
+        truth = BIAS + np.hstack([WEIGHT * u, np.cross(COM, WEIGHT * u)])
+        off = np.array([pose.wrench for pose in poses]) - truth
+        std = np.sqrt([np.diag(pose.wrench_cov) for pose in poses])
+        assert len(off) > 50
+        assert (np.abs(off) < 5.0 * std).all()
+
+
 def test_a_calibration_holds_in_a_motion_that_repeats_itself_unless_its_zero_moved() -> None:
     rng = np.random.default_rng(1)
     R = np.repeat(Rotation.random(14, random_state=3).as_matrix(), 50, axis=0)
