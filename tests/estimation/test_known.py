@@ -100,6 +100,27 @@ def test_a_single_pose_gives_the_bias_anew(model: str) -> None:
     assert calibration.dof == pytest.approx(earlier.dof, rel=0.15)
 
 
+@pytest.mark.parametrize(
+    ("own", "expected"),
+    [
+        ((None, None), (0.03, 1e-4)),
+        ((0.8, 1.0), (0.03, 1e-4)),
+        ((0.0302, 1e-4), (0.0301, 1e-4 / np.sqrt(2.0))),
+        ((0.05, 5e-4), (0.05, 5e-4)),
+    ],
+)
+def test_a_delay_is_known_from_an_earlier_calibration_until_a_recording_tells_another(
+    own: tuple[float | None, float | None], expected: tuple[float, float]
+) -> None:
+    """A new zero says nothing of it, and without it contact forces are off by the weight's turn in that time."""
+    rig, R, rng = example(4, poses=13)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    earlier = cw.calibrate(cw.Samples(wrench[:12], R[:12], delay=0.03, delay_std=1e-4))
+    now = cw.calibrate(cw.Samples(wrench[12:], R[12:], delay=own[0], delay_std=own[1]), prior=earlier)
+    assert (now.delay, now.delay_std) == pytest.approx(expected, rel=1e-3)
+    assert cw.Compensator(now).delay == pytest.approx(expected[0], rel=1e-3)
+
+
 def test_one_row_is_noisier_than_the_mean_of_many() -> None:
     """The earlier poses averaged 400 rows each; a single row scatters 20 times as much."""
     rig, R, rng = example(12, poses=8)

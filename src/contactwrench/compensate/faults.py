@@ -21,10 +21,14 @@ OVERLOAD, STUCK, STILL, FROZEN, NO_PAST, NO_MOTION, SILENT = range(11, 18)
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
 LATEST = TIME.most
+MISSING = (999.0, 9999.0, 99999.0, 999999.0)
+"""What files and drivers have, of either sign, where there was no reading."""
 SQUARED_TOLERANCE = 0.02
 """As in geometry/orientation.py: an orientation may be off unit length by 1 %."""
-LEAST_REPEATS, NEVER_MOVED = 100.0, 10.0
-"""Of a channel while others move; times as many of one that never did, whose noise and quantum are its group's."""
+LEAST_REPEATS, LEAST_SECONDS, FEWEST_REPEATS, NEVER_MOVED = 100.0, 0.5, 20.0, 10.0
+"""Of a channel while others move, and s of them where that is less, but so many at the least; times as many of one that
+never did, whose noise and quantum are its group's.
+"""
 CHANCE_OF_REPEATS = 207.0
 """-10 log 1e-9: a run of repeated values that independent noise gives once in 10^9, ten times over, as noise that was
 filtered moves that much more slowly."""
@@ -96,9 +100,10 @@ def unreadable(s: State, sample: Sample, width: int) -> tuple[int, float, int]:
     if now == s.time:
         return REPEATED, now, -1
     a, b, c, d, e, f = reading[0], reading[1], reading[2], reading[3], reading[4], reading[5]
-    if not a * a + b * b + c * c + d * d + e * e + f * f <= LARGEST_READING * LARGEST_READING:
+    if not a * a + b * b + c * c + d * d + e * e + f * f < MISSING[0] * MISSING[0]:
         for k in range(6):
-            if not abs(reading[k]) <= LARGEST_READING:
+            size = abs(reading[k])
+            if not size <= LARGEST_READING or size in MISSING:
                 return NO_READING, reading[k], k
     squared = from_quaternion(sample.orientation, s.R) if width == 4 else from_matrix(sample.orientation, s.R)
     if squared - squared != 0.0:
@@ -242,7 +247,10 @@ def repeats_allowed(s: State, channel: int) -> float:
             allowed = min(allowed, NEVER_MOVED * max(LEAST_REPEATS, CHANCE_OF_REPEATS / -of_others))
         elif s.last_reading[channel] == 0.0:
             allowed = inf
-    return max(LEAST_REPEATS, allowed)
+    least = LEAST_REPEATS
+    if s.interval < inf:
+        least = min(least, max(FEWEST_REPEATS, LEAST_SECONDS / s.interval))
+    return max(least, allowed)
 
 
 @kernel

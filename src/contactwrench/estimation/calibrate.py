@@ -27,7 +27,7 @@ from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import parameters_of, yaw_of_mounting
 from ..samples.agreement import agreed, few_repeats
 from ..samples.bursts import even_rows
-from ..samples.delay import with_delay_of_rows
+from ..samples.delay import with_delay_of_rows, with_known_delay
 from ..samples.poses import Pose, averaged, moments_of_poses
 from ..samples.recorded_poses import RecordedPoses, is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples, require_samples
@@ -227,10 +227,10 @@ def _first_time(samples: Samples) -> float:
 
 
 def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str]) -> Calibration:
-    """The estimate, checked, as a Calibration; `origin` joins its provenance. Raises `UnobservableError` and
-    `AmbiguityError` where it may not be returned.
-    """
+    """The estimate as a Calibration; `origin` joins its provenance. Raises `UnobservableError`, `AmbiguityError`."""
     estimate, poses, kept = recorded.estimate, recorded.poses, recorded.readings.select(recorded.estimate.kept)
+    samples, earlier = recorded.samples, question.earlier
+    samples = samples if earlier is None else with_known_delay(samples, earlier.delay, earlier.delay_std)
     if isinstance(estimate, RigidEstimate):
         of_sign = checked(estimate, recorded.readings, question)
     else:
@@ -238,11 +238,11 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         of_sign = (MIRRORED,) if np.linalg.det(estimate.B[:3, :3]) < 0.0 else ()
     provenance: dict[str, str | int | float | bool | None] = {
         "software": f"contactwrench {__version__}",
-        "source": recorded.samples.source,
-        "rows": len(recorded.samples),
+        "source": samples.source,
+        "rows": len(samples),
         "g": float(recorded.g),
-        **({} if recorded.samples.t is None else {"t_first": _first_time(recorded.samples)}),
-        **recorded.samples.read_as,
+        **({} if samples.t is None else {"t_first": _first_time(samples)}),
+        **samples.read_as,
         **origin,
     }
     names, R = estimate.names, kept.R_base_flange
@@ -255,7 +255,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         values = (tool.weight, mass, tool.com, tool.R_flange_sensor, yaw, estimate.weight_xy, estimate.weight_z)
         of_tool = dict(zip(OF_TOOL, values, strict=True))
         parameters = parameters_of(tool, yaw, names)
-        if question.model == "auto" and question.earlier is None:
+        if question.model == "auto" and earlier is None:
             steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
             alternatives = Alternatives(partial(alternatives_to, steady, question))
     many, reasons = len(poses) > MOST_POSES_KEPT, reasons_left_out(estimate)
@@ -279,8 +279,8 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         observability=observability,
         findings=(
             *recorded.findings,
-            *of_estimate(estimate, recorded.samples, recorded.readings, question, recorded.found.visits),
-            *of_beliefs(estimate, poses, _first_time(recorded.samples)),
+            *of_estimate(estimate, samples, recorded.readings, question, recorded.found.visits),
+            *of_beliefs(estimate, poses, _first_time(samples)),
             *of_sign,
             *doubts(estimate, kept, question, observability.trade_offs),
             *of_prior(estimate, kept, compress(poses, estimate.kept), question),
@@ -291,8 +291,8 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         parameter_dof=estimate.dof,
         assumptions=assumptions_in_words(estimate, question),
         alternatives=alternatives,
-        delay=recorded.samples.delay,
-        delay_std=recorded.samples.delay_std,
+        delay=samples.delay,
+        delay_std=samples.delay_std,
         still_noise=recorded.found.still_noise,
         gain_covariance=estimate.gain_covariance if isinstance(estimate, RigidEstimate) else None,
         orientation_std=estimate.orientation_std if isinstance(estimate, RigidEstimate) else None,

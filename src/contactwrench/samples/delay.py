@@ -239,6 +239,22 @@ def _with_delay(samples: Samples, delay: Delay) -> Samples:
     return replace(samples, delay=delay.value, delay_std=delay.std) if np.isfinite(delay.std) else samples
 
 
+def with_known_delay(samples: Samples, delay: float | None, std: float | None) -> Samples:
+    """Samples whose delay (s) was known before: the mean of both by how well each is known, and the samples' own where
+    they do not agree; None, or infinite: it was not.
+    """
+    if delay is None or std is None or not np.isfinite(std):
+        return samples
+    own, own_std = samples.delay, samples.delay_std
+    if own is None or own_std is None or not np.isfinite(own_std):
+        return replace(samples, delay=delay, delay_std=std)
+    apart = max(float(np.hypot(std, own_std)), 1e-12)
+    if abs(own - delay) > SIGNIFICANT * apart:
+        return samples
+    share = (std / apart) ** 2
+    return replace(samples, delay=delay + share * (own - delay), delay_std=std * own_std / apart)
+
+
 def delay_in_words(delay: Delay) -> str:
     """The estimate, and whether it is applied."""
     if delay.reason is not None:
