@@ -191,13 +191,8 @@ def left_in_motion(calibration: Calibration, samples: Samples) -> str:
             frequency, density = _spectrum(t, wrench[:, :3])
             axes[2].plot(frequency, np.maximum(density, LOWEST), color=colour, lw=0.9, label=name)
         for ax, (_, name, _) in zip(axes[:2], PARTS, strict=True):
-            ax.set_yscale("log")
-            ax.set_xlabel("time, s")
-            ax.set_ylabel(f"left over, {name}")
-        axes[2].set_xscale("log")
-        axes[2].set_yscale("log")
-        axes[2].set_xlabel("frequency, Hz")
-        axes[2].set_ylabel("force left, N/√Hz")
+            ax.set(yscale="log", xlabel="time, s", ylabel=f"left over, {name}")
+        axes[2].set(xscale="log", yscale="log", xlabel="frequency, Hz", ylabel="force left, N/√Hz")
         for ax in axes:
             ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             ax.yaxis.set_major_formatter("{x:g}")
