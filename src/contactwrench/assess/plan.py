@@ -1,9 +1,7 @@
 """Which orientations to record next, so that the contact wrench comes out best, whatever the orientation it is used at.
 
-Every pose adds its information `J^T W J` about the parameters (J the derivative of its reading, W the inverse variance
-of the noise), and the covariance C of the parameters is the inverse of the sum. What the user uses is the contact
-wrench, and a calibration adds the variance `J C J^T` to it; its mean over all orientations is `trace(C M)`, and the
-planned poses are those that make it least (experiment_design.py).
+A calibration whose parameters have the covariance C adds the variance `J C J^T` to a contact wrench, J the derivative
+of a reading; its mean over all orientations is the `trace(C M)` that experiment_design.py makes least.
 """
 
 from __future__ import annotations

@@ -57,16 +57,8 @@ class Recorded(Frozen):
 def record_poses(
     settings: Settings, joints: Array, load_masses: tuple[float, ...] = (0.0,), *, rng: np.random.Generator
 ) -> Recorded:
-    """A recording of static poses: all of them with the first load, then with the next, and so on.
-
-    Args:
-        settings: of the rig.
-        joints: of the poses (m, 7), rad.
-        load_masses: on the hook, kg.
-        rng: what noise and drift are drawn from.
-
-    Raises:
-        MissingExtraError: mujoco is not installed.
+    """A recording of static poses (m, 7), rad: all of them with the first load on the hook, kg, then with the next, and
+    so on. Raises `MissingExtraError` without mujoco.
     """
     rows = settings.recording.rows + settings.recording.settle * SENSOR_RATE
     ROWS.require(len(joints) * len(load_masses) * rows, "number of rows, settling included,")
@@ -140,17 +132,8 @@ def record_motion(
     *,
     rng: np.random.Generator,
 ) -> Recorded:
-    """A recording along a motion that the arm follows exactly, row by row at the motion's own times.
-
-    Args:
-        settings: of the rig; their rate is the motion's.
-        motion: of the arm.
-        load_mass: on the hook, kg.
-        pushes: that act on the hook meanwhile.
-        rng: what noise and drift are drawn from.
-
-    Raises:
-        MissingExtraError: mujoco is not installed.
+    """A recording along a motion that the arm follows exactly, row by row at the motion's own times, whose rate is that
+    of the settings, with `load_mass` kg on the hook and the `pushes` on it. Raises `MissingExtraError` without mujoco.
     """
     pushed = force_on_hook(pushes, motion.t) if pushes else None
     rig = build(settings, load_mass)
