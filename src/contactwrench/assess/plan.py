@@ -115,15 +115,8 @@ class Plan(Frozen):
 
 
 def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: ArrayLike | None = None) -> Expected:
-    """The tool and noise to plan for: fitted to `samples`; or assumed, where there are none or too few to tell.
-
-    Args:
-        samples: a recording.
-        model: that is fitted to it.
-        gravity: direction (3,), base axes; None: down.
-
-    Raises:
-        InputError: unusable arguments.
+    """The tool and noise to plan for: by the `model`, fitted to `samples`; or assumed, where there are none or too few
+    to tell. `gravity`: direction (3,), base axes; None: down. Raises `InputError` for unusable arguments.
     """
     _require_model(model)
     d = unit_direction((0.0, 0.0, -1.0) if gravity is None else gravity)

@@ -75,7 +75,6 @@ class Fake(ABC):
     """A fake device in a `with` block.
 
     Args:
-        signal: what it shows.
         rate: of its rows, Hz.
         port: of 127.0.0.1; 0: any that is free, see `port`.
         clock_drift: of its clock, ppm: above 0 it is fast.
