@@ -172,17 +172,9 @@ def truth_path(path: Path) -> Path:
     return path.with_suffix(".truth.json")
 
 
-def write_recording(path: Path, recorded: Recorded, command: dict[str, object]) -> None:
-    """Write the recording to `path`, and its truth beside it; `command` says how it was asked for.
-
-    Same recording, same bytes. Raises `FileAccessError`.
-    """
-    write_truth(path, recorded, command)
-    write_text(path, _rows(recorded))
-
-
 def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> None:
-    """Write what was true beside the recording at `path`, under the names of a calibration file, with the settings.
+    """Write what was true beside the recording at `path`, under the names of a calibration file, with the settings and
+    the `command` that asked for it.
 
     `bias` is the setting; where it drifts, `settings.sensor.drift` says how. `saturated` counts rows a channel;
     `inertia` is the tool's, kg m^2, about its centre of mass, sensor axes; `sensor_offset` of the sensor's origin from
@@ -207,7 +199,8 @@ def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> N
     write_text(truth_path(path), msgspec.json.format(msgspec.json.encode(values), indent=2).decode() + "\n")
 
 
-def _rows(recorded: Recorded) -> Iterator[str]:
+def csv_lines(recorded: Recorded) -> Iterator[str]:
+    """The standard input CSV: same recording, same bytes."""
     from scipy.spatial.transform import Rotation
 
     quat_xyzw: Array = Rotation.from_matrix(recorded.R_base_flange).as_quat(canonical=True)
