@@ -1,17 +1,8 @@
-"""Which interpretation of a file a rigid tool explains.
+"""Which interpretation of a file a rigid tool explains: all in closed form (screening.py), then the best by the fit
+that `calibrate` makes. docs/diagnosing.md says how it is decided.
 
-Every interpretation that a person could have meant is tried, one of the orientation's columns times one of the
-wrench's, and ranked by what a rigid tool leaves of it: first all of them in closed form (screening.py), then the best
-by the fit that `calibrate` makes.
-
-The model is the one that `calibrate` is asked for, `auto` as a rule, so that what is recommended is what `calibrate`
-then fits. A base that it finds to lean counts as a change: with axes renamed, a convention fits a robot whose base lies
-on its side as well as the right one. The affine model never enters: it would explain what no tool can.
-
-Of thousands of interpretations one may win by chance. They are compared by their marginal likelihood, which counts the
-few degrees of freedom that few poses leave, and by their prior: each change from what was stated has a probability of
-1 in 20. The stated one is given up only against overwhelming odds, also with the pose left out that fits it worst, as
-it may be in contact, and where the other leaves less than half.
+They are compared by their marginal likelihood, which counts the few degrees of freedom that few poses leave, and by
+their prior: each change from what was stated has a probability of 1 in 20.
 """
 
 from __future__ import annotations
@@ -134,13 +125,8 @@ class Diagnosis:
 def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
     """Rank all ways to read a file by what a rigid tool leaves of them.
 
-    Args:
-        file: what it holds, and all ways to read it.
-        model: that `calibrate` will be asked for: auto, yaw, mount or mount+base.
-
-    Raises:
-        InputError: another model, or no interpretation makes rotations.
-        UnobservableError: fewer than 5 poses.
+    `model` that `calibrate` will be asked for: auto, yaw, mount or mount+base. Raises `InputError` for another one, and
+    where no interpretation makes rotations; `UnobservableError` for fewer than 5 poses.
     """
     n = len(file.wrench)
     require_alive(file.wrench, file.source)

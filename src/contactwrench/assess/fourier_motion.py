@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
 from ..geometry.wrench import cross_matrix
 from ..samples.flange_motion import FlangeMotion
-from .robot_arms import MARGIN, WRIST, Arm
+from .robot_arms import MARGIN, WRIST, Arm, flange_pose
 
 HARMONICS = 5
 FASTEST = 2.0
@@ -90,8 +90,7 @@ def limits_of(arm: Arm, start: Array, above: float = ABOVE, within: float = WITH
                 f"q{joint + 1} of {arm.name} stands {degrees[0]:.1f} deg from its limit, expected {degrees[1]:.0f} deg "
                 "or more, to swing: start elsewhere (--around)"
             )
-    none = np.zeros((1, len(arm)))
-    height = float(moving_flange(arm, start[None], none, none).position[0, 2])
+    height = float(flange_pose(arm, start[None])[1][0, 2])
     if height < above:
         raise InputError(
             f"the flange of {arm.name} starts {height:.3g} m above the plane of its base, expected {above:g} m or "

@@ -1,9 +1,8 @@
 """Which motion tells most of inertia and sensor offset: a D-optimal one of all Fourier series that an arm may follow.
 
 The determinant of the covariance of the nine parameters is least (Swevers et al. 1997), with what the stops have told
-of all others, and with what they leave open of them: a flange that is thrown about turns an error of the centre of mass
-into one of the inertia. The shape says how fast it may be gone, so the search is for the shape alone: random ones, and
-from the best of them steps in one joint after the other, taken where they gain.
+of all others, and with what they leave open of them (docs/planning.md). The shape says how fast it may be gone, so the
+search is for the shape alone: random ones, and from the best of them steps in one joint after the other.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """Which orientations to record next, so that the contact wrench comes out best, whatever the orientation it is used at.
 
-Every pose adds its information `J^T W J` about the parameters (J the derivative of its reading, W the inverse variance
-of the noise), and the covariance C of the parameters is the inverse of the sum. What the user uses is the contact
-wrench, and a calibration adds the variance `J C J^T` to it; its mean over all orientations is `trace(C M)`, and the
-planned poses are those that make it least (experiment_design.py).
+A calibration whose parameters have the covariance C adds the variance `J C J^T` to a contact wrench, J the derivative
+of a reading; its mean over all orientations is the `trace(C M)` that experiment_design.py makes least.
 """
 
 from __future__ import annotations
@@ -117,15 +115,8 @@ class Plan(Frozen):
 
 
 def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: ArrayLike | None = None) -> Expected:
-    """The tool and noise to plan for: fitted to `samples`; or assumed, where there are none or too few to tell.
-
-    Args:
-        samples: a recording.
-        model: that is fitted to it.
-        gravity: direction (3,), base axes; None: down.
-
-    Raises:
-        InputError: unusable arguments.
+    """The tool and noise to plan for: by the `model`, fitted to `samples`; or assumed, where there are none or too few
+    to tell. `gravity`: direction (3,), base axes; None: down. Raises `InputError` for unusable arguments.
     """
     _require_model(model)
     d = unit_direction((0.0, 0.0, -1.0) if gravity is None else gravity)

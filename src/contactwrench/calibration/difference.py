@@ -176,11 +176,6 @@ class _Part:
     of_a: Array
     of_b: Array
 
-    def with_columns(self, a: int, b: int) -> _Part:
-        """The same, of more errors, which it does not follow."""
-        of_a, of_b = (np.pad(of, ((0, 0), (0, n - of.shape[1]))) for of, n in ((self.of_a, a), (self.of_b, b)))
-        return _Part(self.name, self.parameters, self.change, of_a, of_b)
-
 
 def _parts(a: CalibrationFields, b: CalibrationFields) -> list[_Part]:
     """Every group of parameters that both calibrations tell."""
@@ -192,34 +187,35 @@ def _parts(a: CalibrationFields, b: CalibrationFields) -> list[_Part]:
             _Part("matrix", matrix, change[~constant], each[~constant], each[~constant]),
             _Part("bias", LINEAR_PARAMETERS[4:], change[constant], each[constant], each[constant]),
         ]
+    of_motion = () if a.dynamics is None or b.dynamics is None else DYNAMIC_PARAMETERS
+    names_a, names_b = ((*c.parameter_names, *of_motion) for c in (a, b))
     change = b.parameters[:10] - a.parameters[:10]
-    of_a, of_b = (np.eye(10, len(c.parameters)) for c in (a, b))
+    of_a, of_b = (np.eye(10, len(names)) for names in (names_a, names_b))
     parts = [
         _Part("tool", LINEAR_PARAMETERS[:4], change[:4], of_a[:4], of_b[:4]),
         _Part("bias", LINEAR_PARAMETERS[4:], change[4:], of_a[4:], of_b[4:]),
-        _mounting(a, b),
+        _mounting(a, b, names_a, names_b),
     ]
-    if any(set(GRAVITY) <= set(c.parameter_names) for c in (a, b)):
+    if GRAVITY[0] in (*names_a, *names_b):
         axes = np.array(horizontal_axes(a.gravity_direction))
-        of_a, of_b = (_of_gravity(c, axes) for c in (a, b))
+        of_a, of_b = _of_gravity(a, names_a, axes), _of_gravity(b, names_b, axes)
         parts.append(_Part("gravity", GRAVITY, axes @ _turn_of_gravity(a, b), of_a, of_b))
     if a.dynamics is not None and b.dynamics is not None:
         change = np.subtract(_of_motion(b.dynamics), _of_motion(a.dynamics))
-        of_a, of_b = (np.eye(9, len(c.parameters) + 9, len(c.parameters)) for c in (a, b))
-        parts = [part.with_columns(of_a.shape[1], of_b.shape[1]) for part in parts]
+        of_a, of_b = (np.eye(9, len(names), len(names) - 9) for names in (names_a, names_b))
         parts.append(_Part("inertia", INERTIA, change[:6], of_a[:6], of_b[:6]))
         if a.dynamics.accelerometer is None and b.dynamics.accelerometer is None:
             parts.append(_Part("offset", SENSOR_OFFSET, change[6:], of_a[6:], of_b[6:]))
     return parts
 
 
-def _mounting(a: CalibrationFields, b: CalibrationFields) -> _Part:
+def _mounting(a: CalibrationFields, b: CalibrationFields, names_a: tuple[str, ...], names_b: tuple[str, ...]) -> _Part:
     """The turn from one mounting to the other: about all axes where both estimate it, else yaw; where a model that
     estimates yaw alone has the sensor on its other side, an angle without an error.
     """
-    turns = [mounting_turn(c.parameter_names) for c in (a, b)]
+    turns = [mounting_turn(names_a), mounting_turn(names_b)]
     R_a, R_b = np.asarray(a.R_flange_sensor), np.asarray(b.R_flange_sensor)
-    if all(set(MOUNT) <= set(c.parameter_names) for c in (a, b)):
+    if MOUNT[0] in names_a and MOUNT[0] in names_b:
         return _Part("mounting", MOUNT, rotation_log(R_a.T @ R_b), turns[0], turns[1])
     (yaw_a, flipped_a, of_a), (yaw_b, flipped_b, of_b) = yaw_of_mounting(R_a), yaw_of_mounting(R_b)
     if flipped_a != flipped_b:
@@ -229,11 +225,12 @@ def _mounting(a: CalibrationFields, b: CalibrationFields) -> _Part:
     return _Part("mounting", ("yaw",), change, of_a[None] @ turns[0], of_b[None] @ turns[1])
 
 
-def _of_gravity(c: CalibrationFields, axes: Array) -> Array:
-    """How turns of gravity about `axes` (2, 3) follow the parameters of c: (2, p), zero where it was stated."""
-    J = np.zeros((2, len(c.parameter_names)))
-    if set(GRAVITY) <= set(c.parameter_names):
-        J[:, -2:] = np.stack([axes @ about for about in horizontal_axes(c.gravity_direction)], axis=1)
+def _of_gravity(c: CalibrationFields, names: tuple[str, ...], axes: Array) -> Array:
+    """How turns of gravity about `axes` (2, 3) follow the errors `names` (p) of c: (2, p), zero where it was stated."""
+    J = np.zeros((2, len(names)))
+    if GRAVITY[0] in names:
+        places = [names.index(name) for name in GRAVITY]
+        J[:, places] = np.stack([axes @ about for about in horizontal_axes(c.gravity_direction)], axis=1)
     return J
 
 

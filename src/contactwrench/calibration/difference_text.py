@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..geometry.arrays import Array
-from ..statistics import SIGNIFICANCE, SPOKEN, MisfitTest, in_standard_deviations, misfit_of_parameters, percent
-from .dynamics import UNIT_OF
+from ..statistics import SIGNIFICANCE, MisfitTest, in_standard_deviations, misfit_of_parameters, percent
+from .dynamics import SPOKEN_UNIT_OF
 
 if TYPE_CHECKING:
     from .difference import Difference, GroupChange
@@ -124,7 +124,7 @@ def _largest(group: GroupChange, rows: slice) -> str:
     ratio: Array = np.abs(in_standard_deviations(group.change, np.sqrt(np.diag(group.covariance))))[rows]
     k = rows.start + int(np.argmax(ratio))
     name, value = group.parameters[k], float(group.change[k])
-    factor, unit = SPOKEN.get(UNIT_OF[name], (1.0, UNIT_OF[name]))
+    factor, unit = SPOKEN_UNIT_OF[name]
     return f"{name} by {factor * value:+.3g} {unit} ({ratio.max():.3g} std)"
 
 

@@ -1,12 +1,6 @@
-"""What a tool exerts on the sensor because it moves: Newton and Euler, linear in how the flange moves.
-
-    rho = R_flange_sensor^T (a + W p)      acceleration of the sensor's origin, sensor axes
-    F   = -m (rho + W_s c)                 W = [alpha]x + omega omega^T - |omega|^2 1, of the flange, and in sensor axes
-    T   = c x F - (I alpha_s + omega_s x I omega_s)
-
-with a, alpha, omega the flange's acceleration (without gravity), angular acceleration and angular velocity in its own
-axes, p the sensor's origin and c the centre of mass from there, and I the inertia about c. All of it is linear in
-`FlangeMotion.terms`: alpha (3), the products of omega (6) and a (3); so a tool is one matrix D (6, 12), and the free
+"""What a tool exerts on the sensor because it moves: Newton and Euler (docs/method.md#motion), linear in
+`FlangeMotion.terms`, which are of the flange in its own axes the angular acceleration alpha (3), the products of its
+angular velocity omega (6) and the acceleration without gravity a (3). So a tool is one matrix D (6, 12), and the free
 wrench is `B @ [r, 1] + D @ terms`.
 """
 
@@ -25,6 +19,7 @@ from ..model import LINEAR_PARAMETERS, MOUNT, RigidTool
 from ..samples.accelerometer import Accelerometer
 from ..samples.flange_motion import FlangeMotion
 from ..samples.motion import PRODUCTS
+from ..statistics import SPOKEN
 
 if TYPE_CHECKING:
     from .fields import CalibrationFields
@@ -37,6 +32,8 @@ DYNAMIC_PARAMETERS = (*INERTIA, *SENSOR_OFFSET)
 _UNITS = ("N", *["m"] * 3, *["N"] * 3, *["N m"] * 3, "rad", "s", *["kg m^2"] * 6, *["m"] * 3)
 UNIT_OF = dict(zip((*LINEAR_PARAMETERS, "yaw", "delay", *DYNAMIC_PARAMETERS), _UNITS, strict=True))
 """The unit of each parameter."""
+SPOKEN_UNIT_OF = {name: SPOKEN.get(unit, (1.0, unit)) for name, unit in UNIT_OF.items()}
+"""How many of the unit that people speak make one of it, and that unit."""
 TERMS = 12
 ACCELERATION = slice(9, 12)
 SECOND_DERIVATIVES = [*range(3), *range(9, 12)]

@@ -30,6 +30,7 @@ from ..model import (
 from ..samples.flange_motion import FlangeMotion
 from ..samples.poses import Pose, PoseMoments
 from ..samples.still_noise import StillNoise
+from ..statistics import square_root
 from .alternative import Alternative
 from .dynamics import Dynamics, Ellipsoid, covariance_in_motion, equal_ellipsoid
 from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity, WithFindings
@@ -216,8 +217,7 @@ class CalibrationFields(Frozen, WithFindings):
         unit = np.sqrt(np.diag(total) + 1e-30)
         unit[:24] = np.hypot(unit[:24], np.sqrt(np.abs(np.diag(self.gain_covariance))))
         total[:24, :24] += self.gain_covariance
-        values, vectors = np.linalg.eigh(total / np.outer(unit, unit))
-        root = (vectors * np.sqrt(np.maximum(values, 0.0))) * unit[:, None]  # a mean of several: not quite positive
+        root = square_root(total / np.outer(unit, unit)) * unit[:, None]  # a mean of several: not quite positive
         return read_only(root @ root.T)
 
     def error_jacobian(self, R_base_flange: Array) -> Array:

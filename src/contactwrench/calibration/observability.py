@@ -1,9 +1,5 @@
-"""Which parameters the poses separate: rank, singular values, and what a deficiency means in words.
-
-The rank is judged on the Jacobian in natural units (the tool's weight, 50 mm, 1 rad), where a singular value says by
-how much the readings change: a combination of parameters that changes them a thousand times less than the best one
-does, less than an arm's error in orientation of 0.06 deg would, is not observed. The singular values that are reported
-are those of the whitened Jacobian with columns of unit length.
+"""Which parameters the poses separate: rank, singular values, and what a deficiency means in words
+(docs/method.md#observability).
 """
 
 from __future__ import annotations
@@ -17,19 +13,20 @@ from ..geometry.arrays import Array, Frozen, Vector, shaped
 from ..geometry.rotations import axes_of_turns
 from ..model import RigidTool, gravity_in_flange, horizontal_axes, wrench_jacobian
 from ..samples.poses import SAME_POSE_ANGLE
+from .dynamics import SPOKEN_UNIT_OF
 
 LEVER = 0.05
 """m: the length that compares a torque with a force, and a centre of mass with a weight."""
 
 LEAST_SINGULAR_VALUE = 1e-3
-"""Relative to the largest, in natural units."""
+"""Relative to the largest, in natural units: what changes the readings less than an arm's error in orientation of 0.06
+deg would is not observed.
+"""
 
 NAMED_DIRECTIONS = {
     f"{sign}{axis}": float(f"{sign}1") * e for axis, e in zip("xyz", np.eye(3), strict=True) for sign in "+-"
 }
 """Directions of gravity in sensor axes that a person can aim for."""
-
-SPOKEN_UNITS = {"weight": (1.0, "N"), "com": (1e3, "mm"), "bias": (1.0, "N")}
 
 TRADE_OFF = 0.95
 """Parameters whose estimates correlate more than this are said to trade off."""
@@ -137,7 +134,7 @@ def advice_on_poses(
         gain = np.linalg.solve(known @ J.T + np.diag(noise**2), known[:, k])
         after[direction] = covariance[k, k] - known[:, k] @ gain
     best = min(after, key=lambda direction: after[direction])
-    scale, unit = SPOKEN_UNITS[weakest.partition("_")[0]]
+    scale, unit = SPOKEN_UNIT_OF[weakest]
     least = float(np.sqrt(max(after[best], 0.0)))
     return (
         f"{why}; one more pose, with gravity along the sensor's {best}: std of {weakest} from "

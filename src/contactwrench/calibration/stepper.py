@@ -14,15 +14,8 @@ Step: TypeAlias = Callable[
 
 
 def stepper(B: Array, gravity_direction: Array) -> Step:
-    """Compensation of one sample at a time.
-
-    Args:
-        B: what was identified, (6, 4).
-        gravity_direction: (3,) unit vector, base axes.
-
-    Returns:
-        `step(fx, fy, fz, tx, ty, tz, qx, qy, qz, qw)`, which gives the contact wrench as six floats. The quaternion of
-        `R_base_flange` must have unit length: it is not checked here.
+    """`Calibration.stepper` of B (6, 4) and a unit `gravity_direction` (3,), base axes: the quaternion of
+    `R_base_flange` must have unit length, which is not checked here.
     """
     dx, dy, dz = (float(part) for part in gravity_direction)
     ex, ey, ez = 2.0 * dx, 2.0 * dy, 2.0 * dz

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from ..errors import InputError
-from ..files import name_of
+from ..files import name_of, write_text
 from ..geometry.arrays import Array
 from ..geometry.ranges import LOAD, NOISE, PUSHES, SEED
 from ..geometry.wrench import WRENCH_AXES
@@ -90,7 +90,7 @@ def simulate(
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..recording.bags.open import SUFFIXES_OF_BAGS
-    from ..simulate.recording import record_poses, truth_path, write_recording, write_truth
+    from ..simulate.recording import csv_lines, record_poses, truth_path, write_truth
     from ..simulate.settings import Settings, changed
 
     rig_settings = changed(Settings(), (settings or []) + _noise(noise))
@@ -120,10 +120,10 @@ def simulate(
     asked = {kind: name_of(source), "load_g": [1000.0 * load for load in loads], "seed": seed}
     if pushes:
         asked["pushes"] = pushes
+    write_truth(output, recorded, asked)
     if output.suffix.lower() == ".csv":
-        write_recording(output, recorded, asked)
+        write_text(output, csv_lines(recorded))
     else:
-        write_truth(output, recorded, asked)
         _write_bag(output, recorded)
     options.say(_said(recorded, output, truth_path(output)))
 

@@ -24,8 +24,6 @@ IDLE = 0.02
 BLOCK = 0.001
 """s between two wake-ups of a device that is faster: the rows since then leave together."""
 
-Jitter: TypeAlias = float | Callable[[], float]
-"""s by which a wake-up is late: the largest, or a function that says."""
 Packets: TypeAlias = list[bytes]
 Fault: TypeAlias = Callable[[Packets], "Packets | None"]
 """Changes the packets of a wake-up; None: it holds them until there are more."""
@@ -37,7 +35,7 @@ class Clock:
     Deadlines are absolute, so that no time is lost between them.
     """
 
-    def __init__(self, rate: float, drift: float, jitter: Jitter) -> None:
+    def __init__(self, rate: float, drift: float, jitter: float) -> None:
         self._drift, self._jitter, self._rng = drift, jitter, np.random.default_rng(0)
         self.running, self.start, self.row = False, 0.0, 0
         self.set(rate)
@@ -70,19 +68,17 @@ class Clock:
         return max(self._deadline - monotonic(), 0.0)
 
     def _schedule(self) -> None:
-        late = self._jitter() if callable(self._jitter) else self._jitter * self._rng.random()
-        self._deadline = self.time(self.row + self._block - 1) + late
+        self._deadline = self.time(self.row + self._block - 1) + self._jitter * self._rng.random()
 
 
 class Fake(ABC):
     """A fake device in a `with` block.
 
     Args:
-        signal: what it shows.
         rate: of its rows, Hz.
         port: of 127.0.0.1; 0: any that is free, see `port`.
         clock_drift: of its clock, ppm: above 0 it is fast.
-        jitter: by which its packets are late, s.
+        jitter: by which its packets are late at most, s.
         true_rate: what it sends at whatever it is asked for, Hz; None: as asked.
         host: it listens on.
 
@@ -99,7 +95,7 @@ class Fake(ABC):
         *,
         port: int = 0,
         clock_drift: float = 0.0,
-        jitter: Jitter = 0.0,
+        jitter: float = 0.0,
         true_rate: float | None = None,
         host: str = LOCALHOST,
     ) -> None:

@@ -51,14 +51,8 @@ class Course:
 
 
 def course(rig: Rig, state: Array, joints: Array, start: float, speed: float) -> Course:
-    """The motion of least jerk (Flash and Hogan 1985) from a state (3, 7) to rest at joints (7,).
-
-    Args:
-        rig: the machine.
-        state: joints, velocity, acceleration.
-        joints: to rest at.
-        start: s.
-        speed: of the joint that has furthest to go, of its largest.
+    """The motion of least jerk (Flash and Hogan 1985) from a state (3, 7), joints, velocity and acceleration, to rest
+    at joints (7,), from `start` s on; `speed`: of the joint that has furthest to go, of its largest.
     """
     from scipy.interpolate import BPoly
 

@@ -32,12 +32,10 @@ class NetFt(UdpFake):
     """The box.
 
     Args:
-        signal: what the sensor reads.
         rate: Hz.
         http_port: of the page; 0: any that is free, see `http_port`.
         counts: per unit of force, and of torque.
         units: of force and of torque, as the page spells them; the signal is taken to be in them.
-        more: as of every fake.
 
     Attributes:
         asked: every command that has come, to see that nobody zeroes the sensor.

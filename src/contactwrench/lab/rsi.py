@@ -25,11 +25,9 @@ class Rsi(UdpFake):
     """The controller. A datagram has no connection: `cut` ends its program.
 
     Args:
-        signal: where the flange is.
         target: host and port of who answers.
         cycle: 0.004 or 0.012 s.
         most_late: late answers after which the robot stops, once there was one: a session may be started after the lab.
-        more: as of every fake.
 
     Attributes:
         delays: cycles without an answer in time.

@@ -33,10 +33,8 @@ class Sri(TcpFake):
     """The box, at rest until it is asked for its stream.
 
     Args:
-        signal: what the sensor reads.
         rate: before a client asks for another, Hz.
         old: firmware that ends its answers without `$OK` and calls the rate SMPR.
-        more: as of every fake.
 
     Attributes:
         asked: every command that has come, to see that nobody zeroes the sensor.

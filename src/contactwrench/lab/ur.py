@@ -38,10 +38,8 @@ class Ur(TcpFake):
     """The controller.
 
     Args:
-        signal: sensor and flange.
         cb3: an older one: 125 Hz, and no force sensor of its own.
         tcp_offset: (6,) m and rotation vector, of the TCP on the flange.
-        more: as of every fake.
     """
 
     scheme = "ur"

@@ -73,21 +73,15 @@ def compensate_recording(
     *,
     accept_damaged: bool = False,
 ) -> tuple[list[str], list[str]]:
-    """Compensate a recording and write what comes out.
+    """Compensate a recording and write what comes out; gives what to say: what was found and written, and notes on how.
 
     Args:
-        path: the recording.
-        options: how it is written.
-        calibration: of the tool.
+        path: the recording, and how it is written in `options`.
         treatment: what is to be done beside subtracting weight and bias.
         output: the contact wrenches: a table, a copy of the bag, or `-`, CSV on stdout.
         report: a page about every contact, which `treatment` must have judged.
-        advance: is told how far the reading is.
         episodes: of a set of which every recording is compensated by itself.
         accept_damaged: of a set, leave out those that cannot be compensated.
-
-    Returns:
-        What to say: what was found and written, and notes on how.
 
     Raises:
         ContactWrenchError: as reading, pairing, compensating and writing raise it.
@@ -148,8 +142,7 @@ def contact_signals(log: ContactLog) -> str:
                 ax.plot(t, lines[:, part + k], color=AXIS_COLOURS[k], alpha=0.85, lw=0.7)
             for _, first in log.reasons.values():
                 ax.plot(first - log.start, 0.0, "|", color=FAULT, ms=8, transform=ax.get_xaxis_transform())
-            ax.set_ylabel(name)
-            ax.set_xlim(0.0, max(log.end - log.start, 1e-9) if log.rows else 1.0)
+            ax.set(ylabel=name, xlim=(0.0, max(log.end - log.start, 1e-9) if log.rows else 1.0))
         axes[0].set_xticklabels([])
         axes[1].set_xlabel("time, s")
         return svg_text(figure)

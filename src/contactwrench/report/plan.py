@@ -9,7 +9,7 @@ import numpy as np
 from ..assess.fourier_motion import HARMONICS
 from ..assess.plan import READINGS, Accuracy, Expected, Plan
 from ..assess.plan_motion import STOP, DynamicPlan
-from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA
+from ..calibration.dynamics import DYNAMIC_PARAMETERS, SPOKEN_UNIT_OF
 from ..geometry.arrays import Array
 from ..geometry.orientation import to_quat_xyzw
 from ..model import gravity_in_flange
@@ -18,7 +18,6 @@ from .text import json_text
 
 MUCH_WORSE = 1.05
 """Of the std that a plan without a robot reaches: more than this, and the arm's limits are said to cost it."""
-IN_KG_CM2, IN_MM = 1e4, 1e3
 
 
 def plan_text(plan: Plan) -> str:
@@ -178,7 +177,7 @@ def dynamic_plan_text(plan: DynamicPlan) -> str:
         f"  {'':12}{'tool known':>12}{'after the stops':>17}",
     ]
     for name, known, after in zip(DYNAMIC_PARAMETERS, plan.std, plan.std_after_stops, strict=True):
-        scale, unit = (IN_KG_CM2, "kg cm^2") if name in INERTIA else (IN_MM, "mm")
+        scale, unit = SPOKEN_UNIT_OF[name]
         lines.append(f"  {name:12}{scale * known:12.2g}{scale * after:17.2g}  {unit}")
     if plan.stops.after is None:
         lines.append("  The stops are too few to calibrate with: plan more (-n)")

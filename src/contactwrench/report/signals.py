@@ -54,13 +54,8 @@ class Envelope:
 
 
 def envelope(t: Array, values: Array, before: Envelope | None = None, most_bins: int = MOST_BINS) -> Envelope:
-    """The envelope of signals.
-
-    Args:
-        t: times (n,), s, none before the first of all; NaN is left out.
-        values: signals (n, k).
-        before: an envelope that goes on with them.
-        most_bins: whose width doubles where there would be more.
+    """The envelope of signals `values` (n, k) at times (n,), s, none before the first of all, NaN left out; of those
+    `before` too, where these go on. The width doubles where there would be more than `most_bins`.
     """
     known = np.isfinite(t)
     t, values = t[known], values[known]
@@ -91,14 +86,8 @@ def _with_rows(bins: Envelope, rows: int) -> Envelope:
 
 
 def outline(of: Envelope) -> tuple[Array, Array]:
-    """The envelope as lines to draw.
-
-    Args:
-        of: k signals.
-
-    Returns:
-        Times (m,), s, and values (m, k): the least and the most of each bin that holds a sample, the most first where
-        the signal falls; NaN in a gap.
+    """The envelope as lines to draw: times (m,), s, and values (m, k), the least and the most of each bin that holds a
+    sample, the most first where the signal falls; NaN in a gap.
     """
     held = np.isfinite(of.low).any(axis=1)
     t, low, high = np.repeat(of.t[held], 2), of.low[held], of.high[held]
@@ -111,15 +100,8 @@ def outline(of: Envelope) -> tuple[Array, Array]:
 
 
 def signals_over_time(calibration: Calibration, samples: Samples, found: StillSegments) -> str:
-    """Force, torque and the angle of the arm from where it began, over the time since the first row.
-
-    Args:
-        calibration: made from the samples.
-        samples: a stream, or rows in their order.
-        found: its still stretches, drawn green; those left out are hatched, by the numbers of their poses.
-
-    Returns:
-        SVG.
+    """Force, torque and the angle of the arm from where it began, over the time since the first row of the samples that
+    a calibration was made from. Still stretches are green; those left out are hatched, by the numbers of their poses.
     """
     t = samples.t if samples.t is not None else np.arange(float(len(samples)))
     first = float(t[0])
@@ -191,13 +173,8 @@ def left_in_motion(calibration: Calibration, samples: Samples) -> str:
             frequency, density = _spectrum(t, wrench[:, :3])
             axes[2].plot(frequency, np.maximum(density, LOWEST), color=colour, lw=0.9, label=name)
         for ax, (_, name, _) in zip(axes[:2], PARTS, strict=True):
-            ax.set_yscale("log")
-            ax.set_xlabel("time, s")
-            ax.set_ylabel(f"left over, {name}")
-        axes[2].set_xscale("log")
-        axes[2].set_yscale("log")
-        axes[2].set_xlabel("frequency, Hz")
-        axes[2].set_ylabel("force left, N/√Hz")
+            ax.set(yscale="log", xlabel="time, s", ylabel=f"left over, {name}")
+        axes[2].set(xscale="log", yscale="log", xlabel="frequency, Hz", ylabel="force left, N/√Hz")
         for ax in axes:
             ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             ax.yaxis.set_major_formatter("{x:g}")

@@ -57,16 +57,8 @@ class Recorded(Frozen):
 def record_poses(
     settings: Settings, joints: Array, load_masses: tuple[float, ...] = (0.0,), *, rng: np.random.Generator
 ) -> Recorded:
-    """A recording of static poses: all of them with the first load, then with the next, and so on.
-
-    Args:
-        settings: of the rig.
-        joints: of the poses (m, 7), rad.
-        load_masses: on the hook, kg.
-        rng: what noise and drift are drawn from.
-
-    Raises:
-        MissingExtraError: mujoco is not installed.
+    """A recording of static poses (m, 7), rad: all of them with the first load on the hook, kg, then with the next, and
+    so on. Raises `MissingExtraError` without mujoco.
     """
     rows = settings.recording.rows + settings.recording.settle * SENSOR_RATE
     ROWS.require(len(joints) * len(load_masses) * rows, "number of rows, settling included,")
@@ -140,17 +132,8 @@ def record_motion(
     *,
     rng: np.random.Generator,
 ) -> Recorded:
-    """A recording along a motion that the arm follows exactly, row by row at the motion's own times.
-
-    Args:
-        settings: of the rig; their rate is the motion's.
-        motion: of the arm.
-        load_mass: on the hook, kg.
-        pushes: that act on the hook meanwhile.
-        rng: what noise and drift are drawn from.
-
-    Raises:
-        MissingExtraError: mujoco is not installed.
+    """A recording along a motion that the arm follows exactly, row by row at the motion's own times, whose rate is that
+    of the settings, with `load_mass` kg on the hook and the `pushes` on it. Raises `MissingExtraError` without mujoco.
     """
     pushed = force_on_hook(pushes, motion.t) if pushes else None
     rig = build(settings, load_mass)
@@ -189,17 +172,9 @@ def truth_path(path: Path) -> Path:
     return path.with_suffix(".truth.json")
 
 
-def write_recording(path: Path, recorded: Recorded, command: dict[str, object]) -> None:
-    """Write the recording to `path`, and its truth beside it; `command` says how it was asked for.
-
-    Same recording, same bytes. Raises `FileAccessError`.
-    """
-    write_truth(path, recorded, command)
-    write_text(path, _rows(recorded))
-
-
 def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> None:
-    """Write what was true beside the recording at `path`, under the names of a calibration file, with the settings.
+    """Write what was true beside the recording at `path`, under the names of a calibration file, with the settings and
+    the `command` that asked for it.
 
     `bias` is the setting; where it drifts, `settings.sensor.drift` says how. `saturated` counts rows a channel;
     `inertia` is the tool's, kg m^2, about its centre of mass, sensor axes; `sensor_offset` of the sensor's origin from
@@ -224,7 +199,8 @@ def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> N
     write_text(truth_path(path), msgspec.json.format(msgspec.json.encode(values), indent=2).decode() + "\n")
 
 
-def _rows(recorded: Recorded) -> Iterator[str]:
+def csv_lines(recorded: Recorded) -> Iterator[str]:
+    """The standard input CSV: same recording, same bytes."""
     from scipy.spatial.transform import Rotation
 
     quat_xyzw: Array = Rotation.from_matrix(recorded.R_base_flange).as_quat(canonical=True)

@@ -67,7 +67,6 @@ def build(
     """Compile the rig.
 
     Args:
-        settings: of the rig.
         load_mass: on the tool's hook, kg.
         tool_shape: more XML, in sensor axes.
         scene: more XML, in world axes; bodies whose joints come after the arm's.
@@ -116,8 +115,7 @@ def inverse_dynamics(
     """The physics of an arm that follows a motion exactly.
 
     Args:
-        rig: the machine.
-        joints: (n, 7), rad.
+        joints: (n, 7), rad, of the rig's arm.
         velocity: (n, 7), rad/s; None: at rest.
         acceleration: (n, 7), rad/s^2; None: none.
         force_on_hook: (n, 3), N, base axes, on the tool's hook; None: it touches nothing.

@@ -38,7 +38,7 @@ def between(least: float, most: float, hint: str = "") -> dict[str, Any]:
     """Metadata of a setting: the least and the most that MuJoCo can compute and somebody could mean, each included, and
     what to ask of a number beyond them.
     """
-    return {"bounds": Range(least, most, hint.strip())}
+    return {"bounds": Range(least, most, hint)}
 
 
 def bounded_settings(settings: Any, path: str = "") -> Iterator[tuple[str, Any, Range]]:
@@ -57,11 +57,11 @@ class Tool:
 
     mass: float = field(default=1.980 / STANDARD_GRAVITY, metadata=between(1e-12, 1000.0))
     """kg."""
-    com: Three = field(default=(-0.006, 0.006, 0.032), metadata=between(-1.0, 1.0, " (are these mm?)"))
+    com: Three = field(default=(-0.006, 0.006, 0.032), metadata=between(-1.0, 1.0, "(are these mm?)"))
     """Centre of mass, m, sensor axes."""
-    hook: Three = field(default=(0.0, 0.0, 0.1), metadata=between(-1.0, 1.0, " (are these mm?)"))
+    hook: Three = field(default=(0.0, 0.0, 0.1), metadata=between(-1.0, 1.0, "(are these mm?)"))
     """Where a load hangs, m, sensor axes; assumed (the paper does not say)."""
-    inertia: Six = field(default=NONE, metadata=between(-100.0, 100.0, " (is this kg mm^2?)"))
+    inertia: Six = field(default=NONE, metadata=between(-100.0, 100.0, "(is this kg mm^2?)"))
     """xx, xy, xz, yy, yz, zz about the centre of mass, kg m^2, sensor axes; 0: that of a ball with a radius of gyration
     of 30 mm (assumed)."""
 
@@ -75,7 +75,7 @@ class Mounting:
     tilt_deg: tuple[float, float] = field(default=(0.0, 0.0), metadata=between(-360.0, 360.0))
     """Rotation vector about the flange's x and y; 180 about one of them is a sensor mounted upside down. Default: the
     parallel faces that the paper assumes."""
-    height: float = field(default=0.03, metadata=between(0.0, 1.0, " (is this mm?)"))
+    height: float = field(default=0.03, metadata=between(0.0, 1.0, "(is this mm?)"))
     """From the flange to the sensor's origin along the flange's z, m; assumed. It moves no static wrench."""
 
 
@@ -141,7 +141,7 @@ class Sensor:
     """What an axis (row) shows of the others (columns), N and N m each. Default: none."""
     low_pass: float = field(default=50.0, metadata=between(0.0, 1e6))
     """Cut-off of its first-order filter, Hz; 0: none. The paper filters, and does not say at what frequency."""
-    delay: float = field(default=0.001, metadata=between(0.0, 10.0, " (is this ms?)"))
+    delay: float = field(default=0.001, metadata=between(0.0, 10.0, "(is this ms?)"))
     """s; assumed: one sample at 1 kHz."""
     drift: Drift = Drift()
 

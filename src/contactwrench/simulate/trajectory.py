@@ -62,15 +62,9 @@ class Motion(Frozen):
 
 
 def through(t: Array, joints: Array, rate: float) -> Motion:
-    """The motion along cubic splines through points, its times from 0, at rest at both ends.
-
-    Args:
-        t: of the points (k,), s.
-        joints: of the points (k, 7), rad.
-        rate: of the rows, Hz.
-
-    Raises:
-        InputError: fewer than two points, times that do not increase, joints beyond their range or speed.
+    """The motion along cubic splines through points, times (k,), s, and joints (k, 7), rad, at a `rate` of rows, Hz,
+    its times from 0, at rest at both ends. Raises `InputError` for fewer than two points, times that do not increase,
+    and joints beyond their range or speed.
     """
     from scipy.interpolate import CubicSpline
 
@@ -108,16 +102,9 @@ def _require_within(motion: Motion) -> None:
 
 
 def stopping(joints: Array, move: float, stop: float, rate: float) -> Motion:
-    """The motion from one row of joints to the next with the least jerk (Flash and Hogan 1985), with a stop at each.
-
-    Args:
-        joints: to stop at (k, 7), rad.
-        move: time of each step, s.
-        stop: time of each stop, s.
-        rate: of the rows, Hz.
-
-    Raises:
-        InputError: joints beyond their range or speed, more rows than anybody could mean.
+    """The motion from one row of joints (k, 7), rad, to the next in `move` s with the least jerk (Flash and Hogan
+    1985), with a `stop`, s, at each; rows at a `rate`, Hz. Raises `InputError` for joints beyond their range or speed,
+    and for more rows than anybody could mean.
     """
     each = move + stop
     rows = round((len(joints) * each - move) * rate)

@@ -60,16 +60,8 @@ class Exported:
 
 
 def exported(target: Target, calibration: Calibration, setup: Setup, source: str) -> Exported:
-    """A calibration in the format of a program.
-
-    Args:
-        target: the format.
-        calibration: what is to be written.
-        setup: what the calibration does not hold.
-        source: the calibration's file, for the header.
-
-    Raises:
-        InputError: what the format needs is not stated, or the program could make nothing of the calibration.
+    """A calibration in the format of a program; its file, the `source`, is named in the header. Raises `InputError`
+    where what the format needs is not stated, or the program could make nothing of the calibration.
     """
     setup, offset = _with_found_offset(calibration, setup, target)
     parameters = target.parameters(calibration, setup)

@@ -92,18 +92,9 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
 
 
 def payload_on_flange(calibration: Calibration, setup: Setup, target: str) -> Payload:
-    """The payload that a calibrated tool and its sensor make on the robot's flange.
-
-    Args:
-        calibration: of any model but `affine`.
-        setup: with `sensor_offset`, `sensor_mass` and, above 0 kg, `sensor_com`.
-        target: which asks, for the message.
-
-    Returns:
-        Mass and centre of mass, and what a controller that does not know how the base leans then gets wrong.
-
-    Raises:
-        InputError: what is needed was not stated, or the model has no mass.
+    """The payload that a calibrated tool and its sensor make on the robot's flange. Raises `InputError`, naming the
+    `target` that asks, without a stated `sensor_offset`, `sensor_mass` and, above 0 kg, `sensor_com`, and for a model
+    that has no mass.
     """
     offset, sensor_mass = setup.sensor_offset, setup.sensor_mass
     sensor_com = np.zeros(3) if sensor_mass == 0.0 else setup.sensor_com

@@ -26,15 +26,8 @@ LEAST_GAIN = 1e-10
 
 
 def rigid_tool(calibration: Calibration, setup: Setup, target: str) -> RigidTool:
-    """The identified tool, with the weight of the mass that was stated; its centre of mass stays.
-
-    Args:
-        calibration: of any model but `affine`.
-        setup: with a `tool_mass` kg, or None.
-        target: which asks, for the message.
-
-    Raises:
-        InputError: the model has no mass.
+    """The identified tool, with the weight of the `tool_mass` that was stated; its centre of mass stays. Raises
+    `InputError`, naming the `target` that asks, for a model that has no mass.
     """
     if (tool := calibration.rigid_tool) is None:
         without = "" if setup.tool_mass is None else ", without --tool-mass"
