@@ -168,7 +168,7 @@ def read_as_of_both(wrench: Table, pose: Table) -> ReadAs:
 def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     """What the rows of `body` hold. Raises `FileFormatError` naming row and column of what cannot be."""
     of_wrench, of_pose = roles.of_wrench, roles.of_pose
-    may_lack = (*of_wrench, *of_pose) if roles.gaps else roles.position
+    may_lack = (*of_wrench, *of_pose) if roles.t else roles.position
     parts = in_si(body, (roles.t, of_wrench, of_pose), may_lack)
     t, with_wrench, with_pose = parts
     wrench, load, saturated = np.split(with_wrench, np.cumsum([len(roles.wrench), len(roles.load)]).tolist(), axis=1)
@@ -181,7 +181,7 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     _require(is_flag, saturated, roles.saturated, body, "0 or 1")
     _require((t[:, 1:] >= 0.0) & (t[:, 1:] < 1.0), t[:, 1:], roles.t[1:], body, "nanoseconds of 0 to 1e9")
     orientation, position = np.split(with_pose, [len(roles.orientation)], axis=1)
-    if roles.gaps and len(roles.orientation) in (4, 9):  # no quaternion and no matrix is all zeros
+    if roles.t and len(roles.orientation) in (4, 9):  # no quaternion and no matrix is all zeros
         orientation = np.where(np.any(orientation != 0.0, axis=1, keepdims=True), orientation, np.nan)
     has_orientation = _rows_there(body, roles.orientation, orientation, len(roles.orientation))
     return WrittenRows(body, roles, t, wrench, load, saturated, orientation, position, has_wrench, has_orientation)
