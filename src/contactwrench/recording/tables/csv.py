@@ -68,12 +68,12 @@ def open_csv(path: str | Path, rows: int) -> OpenTable:
 
 def _below(header_row: int, first_row: int, text: str, done: float, layout: Layout, source: str) -> Lines:
     """The rows of a block of lines that are below the header."""
-    lines = enumerate(text.split("\n"), start=first_row)
-    numbered = [(row, line) for row, line in lines if row > header_row and is_row(line)]
+    every = text.split("\n")
+    rows = [row for row, line in enumerate(every, start=first_row) if row > header_row and is_row(line)]
+    lines = [every[row - first_row] for row in rows]
     if layout.separator == " ":
-        numbered = [(row, "\t".join(line.split())) for row, line in numbered]
-        layout = replace(layout, separator="\t")
-    return Lines(numbered, done, layout, source)
+        lines, layout = ["\t".join(line.split()) for line in lines], replace(layout, separator="\t")
+    return Lines(lines, rows, done, layout, source)
 
 
 def _without_unfinished_row(
@@ -127,11 +127,10 @@ def _with_rows(blocks: Iterator[Lines], columns: Collection[Column]) -> Iterator
 
 
 class Lines:
-    """Rows of a text file, by the lines that hold them, each with its number. A `Body`."""
+    """Rows of a text file, by the lines that hold them and the numbers of these. A `Body`."""
 
-    def __init__(self, numbered: list[tuple[int, str]], done: float, layout: Layout, source: str) -> None:
-        self._numbered, self._layout = numbered, layout
-        self._lines = [line for _, line in numbered]
+    def __init__(self, lines: list[str], rows: list[int], done: float, layout: Layout, source: str) -> None:
+        self._lines, self._rows, self._layout = lines, rows, layout
         self.source, self.done = source, done
 
     def __len__(self) -> int:
@@ -139,16 +138,17 @@ class Lines:
 
     def select(self, kept: NDArray[np.bool_]) -> Lines:
         """Some of the rows, by a mask (n,)."""
-        return Lines(list(compress(self._numbered, kept.tolist())), self.done, self._layout, self.source)
+        lines, rows = (list(compress(of_each, kept.tolist())) for of_each in (self._lines, self._rows))
+        return Lines(lines, rows, self.done, self._layout, self.source)
 
     def row_of(self, index: int) -> int:
         """The number of the line of the index-th row."""
-        return self._numbered[index][0]
+        return self._rows[index]
 
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for a cell that is empty, or NaN."""
-        row, line = self._numbered[index]
-        raise self._lack(cells(line, self._layout.separator, row, self.source)[column.place], column, row)
+        row = self._rows[index]
+        raise self._lack(cells(self._lines[index], self._layout.separator, row, self.source)[column.place], column, row)
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
         """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty or NaN.
@@ -168,13 +168,15 @@ class Lines:
                 if _may_be_thousands(values[:, [column in of_wrench for column in columns]]):
                     self._refuse_thousands(of_wrench)
                 return values
-        return np.array([self._row(row, line, columns, may_lack) for row, line in self._numbered], dtype=np.float64)
+        rows = zip(self._rows, self._lines, strict=True)
+        return np.array([self._row(row, line, columns, may_lack) for row, line in rows], dtype=np.float64)
 
     def _refuse_thousands(self, columns: Sequence[Column]) -> None:
         """Raise `FileFormatError` where every number with a decimal mark has three decimals, as thousands have."""
         mark = self._layout.decimal
-        rows = [(row, cells(line, self._layout.separator, row, self.source)) for row, line in self._numbered]
-        found = [(row, column, of_row[column.place]) for row, of_row in rows for column in columns]
+        rows = zip(self._rows, self._lines, strict=True)
+        of_each = [(row, cells(line, self._layout.separator, row, self.source)) for row, line in rows]
+        found = [(row, column, of_row[column.place]) for row, of_row in of_each for column in columns]
         marked = [(row, column, cell) for row, column, cell in found if mark in cell]
         whole = any(mark not in cell and cell.strip("+-0") for *_, cell in found)
         if whole and all(PERHAPS_DOTTED.fullmatch(cell) for *_, cell in marked):
