@@ -252,8 +252,7 @@ def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | P
         orientation = OrientationStream(pose.t, pose.orientation, pose.position, name_of(pose_path))
     except InputError as error:
         raise FileFormatError(f"{pose_path}: {error}") from None
-    saturated = None if wrench.saturated is None else wrench.saturated == 1.0
-    readings = WrenchStream(wrench.t, wrench.wrench, name_of(path), wrench.load_mass, saturated)
+    readings = WrenchStream(wrench.t, wrench.wrench, name_of(path), wrench.load_mass, wrench.saturated)
     return Streams(readings, orientation, read_as_of_both(wrench, pose))
 
 
@@ -267,9 +266,8 @@ def samples_of(table: Table, path: str | Path) -> Samples:
             "the first rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
         )
     rows = table if table.has_reading.all() else table.select(table.has_reading)
-    saturated = None if rows.saturated is None else rows.saturated == 1.0
     try:
         of_each = rows.wrench, rows.orientation, rows.t, rows.position, rows.load_mass
-        return Samples(*of_each, name_of(path), saturated=saturated, read_as=rows.read_as)
+        return Samples(*of_each, name_of(path), saturated=rows.saturated, read_as=rows.read_as)
     except InputError as error:
         raise FileFormatError(f"{name_of(path)}: {error}") from None

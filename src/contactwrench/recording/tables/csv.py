@@ -10,7 +10,7 @@ from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain, compress
+from itertools import chain
 from pathlib import Path
 from typing import NoReturn
 
@@ -138,7 +138,8 @@ class Lines:
 
     def select(self, kept: NDArray[np.bool_]) -> Lines:
         """Some of the rows, by a mask (n,)."""
-        lines, rows = (list(compress(of_each, kept.tolist())) for of_each in (self._lines, self._rows))
+        places = np.flatnonzero(kept).tolist()
+        lines, rows = [self._lines[k] for k in places], [self._rows[k] for k in places]
         return Lines(lines, rows, self.done, self._layout, self.source)
 
     def row_of(self, index: int) -> int:

@@ -34,7 +34,7 @@ SUFFIXES = (*csv.SUFFIXES, *parquet.SUFFIXES, *hdf5.SUFFIXES)
 class Table(Rows):
     """What rows of a file hold, as its writer meant it: SI units, the file's own sign, frame and direction of rotation.
 
-    `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,) 0 or 1. In
+    `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,). In
     a recording with times a row may lack its wrench, with load and saturation, or a part of it, or its orientation,
     with the position: NaN. What is in none of the rows is None. `read_as` as in `Samples`.
     """
@@ -44,7 +44,7 @@ class Table(Rows):
     t: Array | None = field(metadata=column())
     position: Array | None = field(metadata=column(3))
     load_mass: Array | None = field(metadata=column())
-    saturated: Array | None = field(metadata=column())
+    saturated: NDArray[np.bool_] | None = field(metadata=column(kind=np.bool_))
     read_as: ReadAs
 
     @property
@@ -136,7 +136,7 @@ def _table(written: WrittenRows) -> Table:
         t=in_seconds(written.t, roles.t),
         position=written.position if roles.position else None,
         load_mass=np.where(there, written.load[:, 0], np.nan) if roles.load else None,
-        saturated=np.where(there, written.saturated[:, 0], np.nan) if roles.saturated else None,
+        saturated=there & (written.saturated[:, 0] == 1.0) if roles.saturated else None,
         read_as=_read_as(roles),
     )
 
