@@ -27,6 +27,7 @@ TWO_TURNS = 4.0 * np.pi
 """rad: one joint that counts its turns gets further, and two do only in degrees."""
 
 ReadPoses: TypeAlias = Callable[[Messages], OrientationStream]
+"""Of messages that have some of the pose's topics."""
 
 
 def bag_batches(
@@ -77,9 +78,10 @@ def bag_batches(
         for part in messages(bag, (wrench, *pose)):
             if wrench in part:
                 readings.append(wrenches(bag, wrench, part[wrench]))
-            placed.append(read_poses(part))
+            if any(topic in part for topic in pose):
+                placed.append(read_poses(part))
+                poses_count += len(placed[-1])
             advance(part_read(bag, part))
-            poses_count += len(placed[-1])
             if max(sum(len(t) for t, _ in readings), sum(map(len, placed))) >= batch:
                 yield _streams(bag, options, wrench, source, readings, placed, read_as)
                 readings, placed, said = [], [], bag.damage.said
@@ -117,8 +119,6 @@ def base_frame(bag: Bag, topics: tuple[Topic, ...], frames: tuple[str, str] | No
 
 def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
     def read(part: Messages) -> OrientationStream:
-        if topic not in part:
-            return _NO_POSES
         placements, frames = poses(bag, topic, part[topic])
         named = [f"{child or 'a frame'} in {parent or 'no frame'}" for parent, child in frames]
         if two := two_of(bag, topic, "poses", named):
@@ -133,8 +133,6 @@ def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
 
 def _poses_of_arm(bag: Bag, topic: Topic, arm: Arm) -> ReadPoses:
     def read(part: Messages) -> OrientationStream:
-        if topic not in part:
-            return _NO_POSES
         count = len(part[topic])
         t, joints, known = np.empty(count), np.full((count, len(arm)), np.nan), np.zeros(count, dtype=bool)
         for rows, times, names, position in joint_states(bag, topic, part[topic]):
