@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.assess.robot_arms import Arm, known_arm
 from contactwrench.errors import FileFormatError, InputError
-from contactwrench.recording.urdf import read_urdf
 from tests.assess.test_robot_arms import poses_by_pinocchio, urdf_of
 from tests.support.bags import KINDS, START, bag_streams, joint_state, wrench_stamped, write_bag
 from tests.support.moving import whole_arm
@@ -45,9 +43,9 @@ def _bag(path: Path, names: list[str], joints: Array) -> Path:
 @pytest.mark.parametrize("kind", KINDS)
 def test_joints_are_found_by_the_names_of_the_urdf(tmp_path: Path, kind: str) -> None:
     """In any order, with a gripper's between them."""
-    arm = read_urdf(written(tmp_path, urdf_of("iiwa14"), "arm.urdf"))
+    arm = str(written(tmp_path, urdf_of("iiwa14"), "arm.urdf"))
     joints, names = _angles(20, 9), ["finger", "j3", "j7", "j1", "j2", "gripper", "j6", "j5", "j4"]
-    streams = bag_streams(_bag(tmp_path / f"run{kind}", names, joints), arm=arm)
+    streams = bag_streams(_bag(tmp_path / f"run{kind}", names, joints), robot=arm)
     in_order = joints[:, [names.index(f"j{k}") for k in range(1, 8)]]
     R, position = poses_by_pinocchio(urdf_of("iiwa14"), "tool0", in_order)
     np.testing.assert_allclose(streams.orientation.R_base_flange, R, atol=1e-12)
@@ -79,7 +77,7 @@ def test_joints_of_a_known_arm_are_found_as_its_drivers_name_them(
     tmp_path: Path, arm: str, names: list[str], order: list[int]
 ) -> None:
     joints = _angles(5, max(len(names), 7))
-    found = bag_streams(_bag(tmp_path / "run.mcap", names, joints), arm=known_arm(arm)).orientation
+    found = bag_streams(_bag(tmp_path / "run.mcap", names, joints), robot=arm).orientation
     np.testing.assert_allclose(found.R_base_flange, _by_pinocchio(arm, joints[:, order]), atol=1e-12)
 
 
@@ -90,7 +88,7 @@ def test_a_gripper_of_its_own_on_the_same_topic_is_passed_over(tmp_path: Path) -
         messages.append(joint_state(0.01 * k, names, row))
         messages.append(joint_state(0.01 * k, ["panda_finger_joint1", "panda_finger_joint2"], [0.01, 0.02]))
         messages.append(joint_state(0.01 * k, names, []))
-    found = bag_streams(write_bag(tmp_path / "run.bag", messages), arm=known_arm("panda")).orientation
+    found = bag_streams(write_bag(tmp_path / "run.bag", messages), robot="panda").orientation
     np.testing.assert_allclose(found.R_base_flange, _by_pinocchio("panda", joints), atol=1e-12)
 
 
@@ -113,15 +111,15 @@ def test_a_gripper_of_its_own_on_the_same_topic_is_passed_over(tmp_path: Path) -
 def test_joints_of_another_arm_or_of_two_are_refused(tmp_path: Path, names: list[str], message: str) -> None:
     path = _bag(tmp_path / "run.mcap", names, _angles(2, len(names)))
     with pytest.raises(FileFormatError) as caught:
-        bag_streams(path, arm=known_arm("iiwa14"))
+        bag_streams(path, robot="iiwa14")
     assert str(caught.value) == f"{path}: topic /joint_states: {message}"
 
 
 def test_joints_that_the_urdf_names_and_the_bag_does_not_are_refused(tmp_path: Path) -> None:
-    arm = read_urdf(written(tmp_path, urdf_of("ur5e"), "arm.urdf"))
+    arm = str(written(tmp_path, urdf_of("ur5e"), "arm.urdf"))
     path = _bag(tmp_path / "run.mcap", UR_JOINTS, _angles(2, 6))
     with pytest.raises(FileFormatError) as caught:
-        bag_streams(path, arm=arm)
+        bag_streams(path, robot=arm)
     assert str(caught.value) == (
         f"{path}: topic /joint_states: found the joints {', '.join(UR_JOINTS)}, expected those of arm.urdf:tool0 (j1, "
         "j2, j3, j4, j5, j6): name the arm's URDF with --robot"
@@ -130,13 +128,13 @@ def test_joints_that_the_urdf_names_and_the_bag_does_not_are_refused(tmp_path: P
 
 def test_joints_in_degrees_are_said(tmp_path: Path) -> None:
     joints = _angles(3, 7)
-    assert bag_streams(_bag(tmp_path / "rad.mcap", [f"j{k}" for k in range(1, 8)], joints), arm=known_arm("panda"))
+    assert bag_streams(_bag(tmp_path / "rad.mcap", [f"j{k}" for k in range(1, 8)], joints), robot="panda")
     joints[0, 6] = 400.0  # of a driver that counts turns
-    assert bag_streams(_bag(tmp_path / "turns.mcap", [f"j{k}" for k in range(1, 8)], joints), arm=known_arm("panda"))
+    assert bag_streams(_bag(tmp_path / "turns.mcap", [f"j{k}" for k in range(1, 8)], joints), robot="panda")
     joints[1, [1, 3]] = 30.0, -135.0
     path = _bag(tmp_path / "run.mcap", [f"j{k}" for k in range(1, 8)], joints)
     with pytest.raises(FileFormatError) as caught:
-        bag_streams(path, arm=known_arm("panda"))
+        bag_streams(path, robot="panda")
     assert str(caught.value) == (
         f"{path}: topic /joint_states, at 0.010 s: found joints at 30 and -135, expected angles, rad"
     )
@@ -147,7 +145,7 @@ def test_a_joint_that_is_no_number_is_named(tmp_path: Path) -> None:
     joints[1, 4] = np.nan
     path = _bag(tmp_path / "run.mcap", [f"j{k}" for k in range(1, 8)], joints)
     with pytest.raises(FileFormatError) as caught:
-        bag_streams(path, arm=known_arm("panda"))
+        bag_streams(path, robot="panda")
     assert str(caught.value) == (
         f"{path}: topic /joint_states, at 0.010 s: found a joint that is no number, expected angles, rad"
     )
@@ -155,9 +153,8 @@ def test_a_joint_that_is_no_number_is_named(tmp_path: Path) -> None:
 
 def test_the_pose_has_one_source(tmp_path: Path) -> None:
     path = _bag(tmp_path / "run.mcap", UR_JOINTS, _angles(2, 6))
-    arm: Arm = known_arm("ur5e")
     with pytest.raises(InputError) as caught:
-        bag_streams(path, arm=arm, frames=("base", "tool0"))
+        bag_streams(path, robot="ur5e", frames=("base", "tool0"))
     assert str(caught.value) == "found --frames and --robot, expected one of them: the pose has one source"
 
 

@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from contactwrench.errors import FileFormatError
 from contactwrench.recording.bags.read import bag_batches
+from contactwrench.recording.options import Options
 from contactwrench.samples.samples import OrientationStream
 from tests.support.bags import (
     KINDS,
@@ -125,7 +126,7 @@ def test_what_is_heard_at_other_times_is_interpolated(
     for k in range(2):  # between two poses, each transform is heard anew
         between = np.searchsorted(times[k], t + TIME)
         assert (np.diff(between) > 0).all()
-    piecewise = list(bag_batches(path, frames=("base", "flange"), batch=1))
+    piecewise = list(bag_batches(path, Options(frames=("base", "flange")), 1))
     np.testing.assert_array_equal(np.concatenate([one.orientation.t for one in piecewise]), whole.t)
 
 
@@ -150,7 +151,7 @@ def test_batches_of_a_chain_are_the_whole(tmp_path: Path) -> None:
         messages.append(tf(0.01 * k, [transform(0.01 * k, "base", "a", R[k], np.zeros(3))]))
         messages.append(tf(0.01 * k + 0.003, [transform(0.01 * k + 0.003, "a", "flange", R[n + k], np.zeros(3))]))
     path = write_mcap(tmp_path / "run.mcap", messages, chunk_size=5000)
-    parts = [part.orientation for part in bag_batches(path, frames=("base", "flange"), batch=30)]
+    parts = [part.orientation for part in bag_batches(path, Options(frames=("base", "flange")), 30)]
     assert len(parts) > 5
     t = np.concatenate([part.t for part in parts]) - 1e-9 * START
     np.testing.assert_allclose(t, 0.003 + 0.01 * np.arange(n - 1), atol=TIME)

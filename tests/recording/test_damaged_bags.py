@@ -22,6 +22,7 @@ from contactwrench.recording.bags.open import messages, opened_bag
 from contactwrench.recording.bags.read import bag_batches
 from contactwrench.recording.bags.topics import wrench_topic
 from contactwrench.recording.contents import bag_contents
+from contactwrench.recording.options import Options
 from tests.support.bags import START, Message, bag_streams, header, recording, wrench_fields, write_bag, write_mcap
 from tests.support.hostile_bags import HOSTILE_BAGS, HOSTILE_MCAPS, whole_bags
 from tests.support.recordings import run
@@ -241,7 +242,7 @@ def test_damage_behind_the_last_batch_is_told(tmp_path: Path) -> None:
     total = content.rindex(b"\x0b" + struct.pack("<Q", 66)) + 9
     content = _changed(_changed(content, place + 12, struct.pack("<Q", 125)), total, struct.pack("<Q", 137))
     path.write_bytes(content)
-    *_, last = bag_batches(path, batch=1, accept_damaged=True)
+    *_, last = bag_batches(path, Options(accept_damaged=True), 1)
     assert last.damage == (
         f"{path} is damaged: found 120 messages of /wrench, expected the 125 it counts; what was left of it was read"
     )

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
 
-from contactwrench.assess.robot_arms import known_arm
 from contactwrench.errors import FileFormatError
 from tests.recording.test_bag_joints import UR_JOINTS
 from tests.support.bags import (
@@ -101,7 +100,7 @@ def test_joints_of_two_arms_in_turn_are_refused(tmp_path: Path, other: list[str]
     states = [joint_state(0.01 * k, (names, other)[k % 2], np.full(6, 0.1 * k)) for k in range(6)]
     path = write_bag(tmp_path / "run.mcap", [READING, *states])
     second = f"{other[0]} to {other[-1]}" if other else "joints without names"
-    assert _refused(path, arm=known_arm("ur5e")) == (
+    assert _refused(path, robot="ur5e") == (
         f"{path}: topic /joint_states: found left_shoulder_pan_joint to left_wrist_3_joint and {second}, expected one "
         "arm's: name its URDF with --robot"
     )
@@ -112,7 +111,7 @@ def test_joints_that_come_in_another_order_are_one_arms(tmp_path: Path) -> None:
     states = [joint_state(0.01 * k, UR_JOINTS[:: 1 - 2 * (k % 2)], q[:: 1 - 2 * (k % 2)]) for k, q in enumerate(angles)]
     usual = [joint_state(0.01 * k, UR_JOINTS, q) for k, q in enumerate(angles)]
     mixed, same = (
-        bag_streams(write_bag(tmp_path / name, [READING, *each]), arm=known_arm("ur5e")).orientation.R_base_flange
+        bag_streams(write_bag(tmp_path / name, [READING, *each]), robot="ur5e").orientation.R_base_flange
         for name, each in (("mixed.mcap", states), ("usual.mcap", usual))
     )
     np.testing.assert_array_equal(mixed, same)

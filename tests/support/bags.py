@@ -15,6 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactwrench.recording.bags.read import bag_batches
+from contactwrench.recording.options import Options
 from contactwrench.samples.samples import Streams
 from tests.support.world import Array
 
@@ -51,8 +52,8 @@ class Message:
 
 
 def bag_streams(path: str | Path, **arguments: Any) -> Streams:
-    """The whole of a bag; arguments as of `bag_batches`."""
-    (streams,) = bag_batches(path, batch=sys.maxsize, **arguments)
+    """The whole of a bag; arguments as of `Options`."""
+    (streams,) = bag_batches(path, Options(**arguments), sys.maxsize)
     return streams
 
 

@@ -21,11 +21,11 @@ from ..files import name_of
 from ..geometry.orientation import RECOGNISED_BY_NAME
 from .bags.chunks import Topic
 from .bags.open import Bag, opened_bag
-from .bags.read import base_frame
+from .bags.read import bag_batches, base_frame
 from .bags.topics import pose_topics, wrench_topic
 from .base_frames import in_base_of_recording
 from .options import AS_USUAL, OF_MEANING, Options, remembered
-from .read import bag_blocks, reader_of
+from .read import reader_of
 from .tables.columns import ColumnRoles, shown, taken_for
 from .tables.roles import roles_of, wrench_columns
 from .tables.table import open_table
@@ -92,7 +92,7 @@ def as_calibrated(
     """
     known = remembered(calibration.provenance)
     left_open = {name: value for name, value in known.items() if name not in stated}
-    of_bag = reader_of(path, options) is bag_blocks
+    of_bag = reader_of(path, options) is bag_batches
     was_bag = "wrench_topic" in known if known.keys() & {"orientation", "wrench_topic"} else of_bag
     fitting = left_open if was_bag == of_bag else {}
     taken = _of_bag(path, options, stated, fitting) if of_bag else _of_table(path, options, fitting)

@@ -31,10 +31,11 @@ from ..samples.timestamps import spread_evenly
 from .accelerations import with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
+from .bags.read import bag_batches
 from .contacts_in_doubt import InDoubt, OffThroughout
 from .in_order import NOTHING, InOrder, without_wrench
 from .options import Options
-from .read import bag_blocks, batches, pairs_in_batches, reader_of, samples_of
+from .read import batches, pairs_in_batches, reader_of, samples_of
 from .standing import Standing
 from .tables.columns import Advance, Tell, unheard
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
@@ -117,7 +118,7 @@ def compensated(
 
 def require_writable(output: Path, path: Path, options: Options) -> None:
     """Raise `InputError` for an output that is neither a table nor, of a bag, a bag."""
-    suffix, of_bag = output.suffix.lower(), reader_of(path, options) is bag_blocks
+    suffix, of_bag = output.suffix.lower(), reader_of(path, options) is bag_batches
     if suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET) or (of_bag and suffix in SUFFIXES_OF_BAGS):
         return
     more = ", or a bag" if of_bag else ""
@@ -135,7 +136,7 @@ def write_compensated(
     `ContactWrenchError` as the writers do.
     """
     like_folder = os.path.isdir(path) and not output.suffix and str(output) != "-"
-    is_bag = reader_of(path, options) is bag_blocks
+    is_bag = reader_of(path, options) is bag_batches
     if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
         frame = None if output_frame == "sensor" else output_frame
         wrenches = (batch.wrench for batch in recording)
@@ -152,7 +153,7 @@ def _at_once(calibration: Calibration) -> dict[str, int]:
 
 def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:
     """The same parts of a recording; which columns were taken for what is noted, and what is in doubt or damaged."""
-    damage, of_table = "", reader_of(path, options) is not bag_blocks
+    damage, of_table = "", reader_of(path, options) is not bag_batches
     little = of_table
     for k, part in enumerate(parts):
         if k == 0 and (columns := part.read_as.get("columns")):

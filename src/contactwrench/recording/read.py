@@ -19,7 +19,8 @@ from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream,
 from ..samples.timestamps import begins_anew, counted_on
 from .accelerations import with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
-from .options import AS_USUAL, IN_BASE_AXES, Options
+from .bags.read import bag_batches
+from .options import AS_USUAL, Options
 from .tables.columns import ROWS, Advance, Tell, unheard
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import is_parquet
@@ -43,32 +44,6 @@ def two_file_blocks(path: str | Path, options: Options, rows: int, advance: Adva
     return (_streams(wrench, pose, path, pose_path) for wrench, pose in both)
 
 
-def bag_blocks(path: str | Path, options: Options, rows: int, advance: Advance) -> Iterator[Streams]:
-    """A ROS bag."""
-    from .bags.read import bag_batches
-    from .urdf import arm_of
-
-    if options.wrench_frame == "base":
-        raise InputError(f"{path}: {IN_BASE_AXES}")
-    blocks = bag_batches(
-        path,
-        wrench_topic=options.wrench_topic,
-        pose_topic=options.pose_topic,
-        frames=options.frames,
-        arm=None if options.robot is None else arm_of(options.robot),
-        batch=rows,
-        advance=advance,
-        accept_damaged=options.accept_damaged,
-    )
-    for block in blocks:
-        yield Streams(
-            replace(block.wrench, wrench=options.pull(block.wrench.wrench)),
-            replace(block.orientation, R_base_flange=options.R_base_flange(block.orientation.R_base_flange)),
-            options.told(block.read_as),
-            block.damage,
-        )
-
-
 MANY_AT_A_LIMIT = 0.1
 """Of the readings."""
 Block: TypeAlias = Table | Streams
@@ -76,7 +51,7 @@ Reader: TypeAlias = Callable[[str | Path, Options, int, Advance], Iterator[Block
 
 READERS: dict[str, Reader] = {
     **dict.fromkeys(SUFFIXES_OF_TABLES, table_blocks),
-    **dict.fromkeys(SUFFIXES_OF_BAGS, bag_blocks),
+    **dict.fromkeys(SUFFIXES_OF_BAGS, bag_batches),
 }
 """What gives a recording in blocks of about so many rows, each row once and in order, by its suffix."""
 
@@ -89,16 +64,16 @@ def reader_of(path: str | Path, options: Options = AS_USUAL) -> Reader:
     """
     reader = _by_name(Path(name_of(path)) if not isinstance(path, Path) else path)
     if options.pose_file is not None:
-        if bags := [file for file in (path, options.pose_file) if _by_name(Path(file)) is bag_blocks]:
+        if bags := [file for file in (path, options.pose_file) if _by_name(Path(file)) is bag_batches]:
             raise InputError(f"{bags[0]}: found a bag as one of two files, expected tables: give it alone")
         reader = two_file_blocks
-    options.require_for(path, bag=reader is bag_blocks)
+    options.require_for(path, bag=reader is bag_batches)
     return reader
 
 
 def _by_name(path: Path) -> Reader:
     if os.path.isdir(path):
-        return bag_blocks if is_bag(path) and not is_parquet(path) else table_blocks
+        return bag_batches if is_bag(path) and not is_parquet(path) else table_blocks
     if (suffix := path.suffix.lower()) not in READERS:
         raise FileFormatError(
             f"{path}: found the suffix {suffix}, expected .csv, .parquet, .h5, .bag, .db3 or .mcap: export the "
@@ -189,7 +164,7 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
         samples = replace(samples, saturated=at_limit(samples.wrench))
     if samples.saturated is not None and samples.saturated.sum() > MANY_AT_A_LIMIT * len(samples):
         tell(f"{samples.unsaturated()[1][0]}: set the sensor's range larger, or load it less")
-    if reader_of(path, options) is bag_blocks:
+    if reader_of(path, options) is bag_batches:
         return samples
     if said := times_in_doubt(path, options, samples.t):
         tell(said)
@@ -277,8 +252,7 @@ def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | P
         orientation = OrientationStream(pose.t, pose.orientation, pose.position, name_of(pose_path))
     except InputError as error:
         raise FileFormatError(f"{pose_path}: {error}") from None
-    saturated = None if wrench.saturated is None else wrench.saturated == 1.0
-    readings = WrenchStream(wrench.t, wrench.wrench, name_of(path), wrench.load_mass, saturated)
+    readings = WrenchStream(wrench.t, wrench.wrench, name_of(path), wrench.load_mass, wrench.saturated)
     return Streams(readings, orientation, read_as_of_both(wrench, pose))
 
 
@@ -292,9 +266,8 @@ def samples_of(table: Table, path: str | Path) -> Samples:
             "the first rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
         )
     rows = table if table.has_reading.all() else table.select(table.has_reading)
-    saturated = None if rows.saturated is None else rows.saturated == 1.0
     try:
         of_each = rows.wrench, rows.orientation, rows.t, rows.position, rows.load_mass
-        return Samples(*of_each, name_of(path), saturated=saturated, read_as=rows.read_as)
+        return Samples(*of_each, name_of(path), saturated=rows.saturated, read_as=rows.read_as)
     except InputError as error:
         raise FileFormatError(f"{name_of(path)}: {error}") from None

@@ -12,8 +12,7 @@ from typing import Any
 
 from ...errors import FileFormatError
 from ...files import entries
-from ..damage import Damage
-from .chunks import ZSTD, Logged, Source
+from .chunks import ZSTD, Damage, Logged, Source
 from .message_layout import joined, written
 
 METADATA = "metadata.yaml"

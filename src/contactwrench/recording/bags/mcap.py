@@ -13,9 +13,8 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from ..damage import Damage
 from .chunked_file import Chunk, ChunkedFile, UnreadableError
-from .chunks import LOG, Connection, Logged, Topic
+from .chunks import LOG, Connection, Damage, Logged, Topic
 from .message_layout import Raw
 
 MAGIC = b"\x89MCAP0\r\n"

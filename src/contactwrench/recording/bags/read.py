@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -14,6 +13,7 @@ from ...errors import FileFormatError, InputError, some_of
 from ...files import name_of
 from ...geometry.arrays import Array
 from ...samples.samples import OrientationStream, ReadAs, Streams, WrenchStream
+from ..options import AS_USUAL, IN_BASE_AXES, Options
 from ..tables.columns import Advance, unheard
 from .chunks import Topic
 from .messages import joint_places, joint_states, place, poses, rotations, wrenches
@@ -27,18 +27,11 @@ TWO_TURNS = 4.0 * np.pi
 """rad: one joint that counts its turns gets further, and two do only in degrees."""
 
 ReadPoses: TypeAlias = Callable[[Messages], OrientationStream]
+"""Of messages that have some of the pose's topics."""
 
 
 def bag_batches(
-    path: str | Path,
-    *,
-    wrench_topic: str | None = None,
-    pose_topic: str | None = None,
-    frames: tuple[str, str] | None = None,
-    arm: Arm | None = None,
-    batch: int = BATCH,
-    advance: Advance = unheard,
-    accept_damaged: bool = False,
+    path: str | Path, options: Options = AS_USUAL, batch: int = BATCH, advance: Advance = unheard
 ) -> Iterator[Streams]:
     """The streams of a bag (`.bag`, `.mcap`, `.db3` or a ROS 2 folder) piece by piece, each reading and pose once, in
     the order in which they were recorded. Times are those of the headers; of a message without one, or with a stamp of
@@ -46,14 +39,11 @@ def bag_batches(
 
     Args:
         path: the bag.
-        wrench_topic: of `geometry_msgs/WrenchStamped` or `Wrench`; None: the only one.
-        pose_topic: of `PoseStamped`, of `TransformStamped` or `nav_msgs/Odometry` (child in header frame), of the
-            transforms for `frames` or the joint states for `arm`; None: the only one.
-        frames: base and flange: the pose is the chain of tf between them (transforms.py says at which times).
-        arm: the pose is that of its `sensor_msgs/JointState`.
+        options: how it is written. The pose is from its only topic of poses or that named, `PoseStamped`,
+            `TransformStamped` or `nav_msgs/Odometry` (child in header frame), from the chain of tf between `frames`
+            (transforms.py says at which times), or from the `sensor_msgs/JointState` of a `robot`.
         batch: readings or poses of a piece, and up to a chunk of the file more.
         advance: is told the part, 0 to 1, of the bag's duration that has been read.
-        accept_damaged: read what is left of a damaged file.
 
     Returns:
         Streams of wrenches, N and N m, and of orientations, with positions, m, where they are known.
@@ -61,43 +51,55 @@ def bag_batches(
     Raises:
         FileAccessError: there is no such file, or it may not be read.
         MissingExtraError: rosbags or mcap is not installed.
-        InputError: `frames` and `arm` are both asked for, or `batch` is below 1.
+        InputError: `frames` and `robot` are both asked for, the wrench is in base axes, or `batch` is below 1.
         FileFormatError: a damaged file that is not accepted, topics that are not there or not one, frames that
             nothing connects, joints that are not the arm's, and quaternions that are none.
     """
+    from ..urdf import arm_of
+
+    if options.wrench_frame == "base":
+        raise InputError(f"{path}: {IN_BASE_AXES}")
     if batch < 1:
         raise InputError(f"batch is {batch}, expected 1 or more")
-    with opened_bag(path, accept_damaged=accept_damaged) as bag:
-        wrench, pose, source, read_poses = _sources(bag, wrench_topic, pose_topic, frames, arm)
-        read_as = _read_as(wrench, pose, frames, base_frame(bag, pose, frames, arm))
+    arm, frames = None if options.robot is None else arm_of(options.robot), options.frames
+    with opened_bag(path, accept_damaged=options.accept_damaged) as bag:
+        wrench = wrench_topic(bag, options.wrench_topic)
+        pose = pose_topics(bag, options.pose_topic, frames, arm)
+        source, read_poses = _source_of_poses(bag, pose, frames, arm)
+        named = {
+            "wrench_topic": wrench.name,
+            "pose_topic": None if frames else pose[0].name,  # transforms may come in several, all of which are read
+            "base_frame": base_frame(bag, pose, frames, arm),
+        }
+        read_as = options.told({name: value for name, value in named.items() if value is not None})
         readings: list[tuple[Array, Array]] = []
         placed: list[OrientationStream] = []
         poses_count, said = 0, None
         for part in messages(bag, (wrench, *pose)):
             if wrench in part:
                 readings.append(wrenches(bag, wrench, part[wrench]))
-            placed.append(read_poses(part))
+            if any(topic in part for topic in pose):
+                placed.append(read_poses(part))
+                poses_count += len(placed[-1])
             advance(part_read(bag, part))
-            poses_count += len(placed[-1])
             if max(sum(len(t) for t, _ in readings), sum(map(len, placed))) >= batch:
-                yield _streams(bag, wrench, source, readings, placed, read_as)
+                yield _streams(bag, options, wrench, source, readings, placed, read_as)
                 readings, placed, said = [], [], bag.damage.said
         if not poses_count:
             raise _no_poses(bag, pose[0], source, arm)
         if readings or placed or said != bag.damage.said:
-            yield _streams(bag, wrench, source, readings, placed, read_as)
+            yield _streams(bag, options, wrench, source, readings, placed, read_as)
 
 
-def _sources(
-    bag: Bag, wrench_name: str | None, pose_name: str | None, frames: tuple[str, str] | None, arm: Arm | None
-) -> tuple[Topic, tuple[Topic, ...], str, ReadPoses]:
-    """The topic of the wrench, those of the pose, where the pose is from in words, and how it is read."""
-    wrench, topics = wrench_topic(bag, wrench_name), pose_topics(bag, pose_name, frames, arm)
+def _source_of_poses(
+    bag: Bag, topics: tuple[Topic, ...], frames: tuple[str, str] | None, arm: Arm | None
+) -> tuple[str, ReadPoses]:
+    """Where the pose is from, in words, and how it is read."""
     if frames is not None:
-        return wrench, topics, f"{frames[0]} -> {frames[1]}", ChainPoses(bag, topics, *frames).read
+        return f"{frames[0]} -> {frames[1]}", ChainPoses(bag, topics, *frames).read
     if arm is not None:
-        return wrench, topics, f"{topics[0].name} of {arm.name}", _poses_of_arm(bag, topics[0], arm)
-    return wrench, topics, topics[0].name, _poses_of_topic(bag, topics[0])
+        return f"{topics[0].name} of {arm.name}", _poses_of_arm(bag, topics[0], arm)
+    return topics[0].name, _poses_of_topic(bag, topics[0])
 
 
 def base_frame(bag: Bag, topics: tuple[Topic, ...], frames: tuple[str, str] | None, arm: Arm | None) -> str | None:
@@ -115,16 +117,8 @@ def base_frame(bag: Bag, topics: tuple[Topic, ...], frames: tuple[str, str] | No
     return None
 
 
-def _read_as(wrench: Topic, pose: tuple[Topic, ...], frames: tuple[str, str] | None, base: str | None) -> ReadAs:
-    """The topics and the base frame; transforms between `frames` may come in several topics, all of which are read."""
-    found = {"wrench_topic": wrench.name, "pose_topic": None if frames else pose[0].name, "base_frame": base}
-    return {name: value for name, value in found.items() if value is not None}
-
-
 def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
     def read(part: Messages) -> OrientationStream:
-        if topic not in part:
-            return _NO_POSES
         placements, frames = poses(bag, topic, part[topic])
         named = [f"{child or 'a frame'} in {parent or 'no frame'}" for parent, child in frames]
         if two := two_of(bag, topic, "poses", named):
@@ -139,8 +133,6 @@ def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
 
 def _poses_of_arm(bag: Bag, topic: Topic, arm: Arm) -> ReadPoses:
     def read(part: Messages) -> OrientationStream:
-        if topic not in part:
-            return _NO_POSES
         count = len(part[topic])
         t, joints, known = np.empty(count), np.full((count, len(arm)), np.nan), np.zeros(count, dtype=bool)
         for rows, times, names, position in joint_states(bag, topic, part[topic]):
@@ -186,6 +178,7 @@ _NO_POSES = OrientationStream(np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3))
 
 def _streams(
     bag: Bag,
+    options: Options,
     wrench: Topic,
     source: str,
     readings: list[tuple[Array, Array]],
@@ -195,11 +188,11 @@ def _streams(
     t = np.concatenate([np.empty(0), *(t for t, _ in readings)])
     values = np.concatenate([np.empty((0, 6)), *(values for _, values in readings)])
     poses = OrientationStream.concatenate(placed or [_NO_POSES])
-    position = np.asarray(poses.position)
+    R, position = options.R_base_flange(poses.R_base_flange), np.asarray(poses.position)
     position = np.where(position.any(axis=1, keepdims=True), position, np.nan)  # no flange is at 0, 0, 0 of its base
     return Streams(
-        WrenchStream(t, values, f"{name_of(bag.path)} {wrench.name}"),
-        replace(poses, position=position, source=f"{name_of(bag.path)} {source}"),
+        WrenchStream(t, options.pull(values), f"{name_of(bag.path)} {wrench.name}"),
+        OrientationStream(poses.t, R, position, f"{name_of(bag.path)} {source}"),
         read_as,
         bag.damage.said,
     )

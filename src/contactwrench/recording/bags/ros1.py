@@ -11,9 +11,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..damage import Damage
 from .chunked_file import Chunk, ChunkedFile, UnreadableError
-from .chunks import LOG, Connection, Logged, Topic
+from .chunks import LOG, Connection, Damage, Logged, Topic
 from .message_layout import Raw
 
 MAGIC = b"#ROSBAG V2.0\n"

@@ -50,16 +50,11 @@ def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm:
 
 
 def _transform_topics(bag: Bag, name: str | None) -> tuple[Topic, ...]:
-    recorded = _with_messages(bag, TRANSFORMS)
-    if name is not None:
-        asked = _named(bag, name, (*TRANSFORMS, "geometry_msgs/msg/TransformStamped"), POSE_FLAG)
-        return (asked, *(topic for topic in recorded if topic.name.endswith(STATIC) and topic != asked))
-    if not recorded:
-        raise FileFormatError(
-            f"{bag.path}: found no topic of type {_types(TRANSFORMS[:1])} with messages, expected one for "
-            f"{FRAMES_FLAG} (found {_listed(bag)})"
-        )
-    return recorded
+    if name is None:
+        return _recorded(bag, TRANSFORMS, f"for {FRAMES_FLAG}")
+    asked = _named(bag, name, (*TRANSFORMS, "geometry_msgs/msg/TransformStamped"), POSE_FLAG)
+    others = (topic for topic in _with_messages(bag, TRANSFORMS) if topic.name.endswith(STATIC) and topic != asked)
+    return asked, *others
 
 
 def _named(bag: Bag, name: str, types: tuple[str, ...], flag: str) -> Topic:
@@ -81,12 +76,7 @@ def _named(bag: Bag, name: str, types: tuple[str, ...], flag: str) -> Topic:
 
 
 def _only(bag: Bag, what: str, types: tuple[str, ...], flag: str, content: str) -> Topic:
-    recorded = _with_messages(bag, types)
-    if not recorded:
-        raise FileFormatError(
-            f"{bag.path}: found no topic of type {_types(types)} with messages, expected one with {content} "
-            f"(found {_listed(bag)})"
-        )
+    recorded = _recorded(bag, types, f"with {content}")
     if len(recorded) > 1:
         listed = ", ".join(f"{topic.name} ({written(topic.type)}, {bag.counts[topic]} messages)" for topic in recorded)
         raise FileFormatError(
@@ -109,6 +99,17 @@ def _flag_is_missing(bag: Bag, topics: tuple[Topic, ...]) -> FileFormatError:
         f"{bag.path}: found {' and '.join(str(topic) for topic in topics)}, expected to be told how the pose follows: "
         f"{', or '.join(advice)}"
     )
+
+
+def _recorded(bag: Bag, types: tuple[str, ...], which: str) -> tuple[Topic, ...]:
+    """All topics of these types with messages. Raises `FileFormatError` where there is none."""
+    recorded = _with_messages(bag, types)
+    if not recorded:
+        raise FileFormatError(
+            f"{bag.path}: found no topic of type {_types(types)} with messages, expected one {which} (found "
+            f"{_listed(bag)})"
+        )
+    return recorded
 
 
 def _with_messages(bag: Bag, types: tuple[str, ...]) -> tuple[Topic, ...]:

@@ -43,17 +43,6 @@ class Edge:
     static: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """From base to flange: links, each with whether it is passed from child to parent. `moving` are those that come
-    again and again, `held` the placements of the others.
-    """
-
-    path: tuple[tuple[Link, bool], ...]
-    moving: tuple[Link, ...]
-    held: dict[Link, Placements]
-
-
 def tree(bag: Bag, topics: Iterable[Topic]) -> dict[Link, Edge]:
     """Every transform of the topics, from one pass through the bag."""
     edges: dict[Link, Edge] = {}
@@ -74,9 +63,12 @@ def note(edges: dict[Link, Edge], topic: Topic, news: dict[Link, Placements]) ->
         edges[link] = Edge(edge.count + len(heard), moves, edge.first, edge.static or topic.name.endswith(STATIC))
 
 
-def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
-    """The chain from `base` to `flange`. Raises `FileFormatError` for a frame that is not there, frames that nothing
-    connects, a frame under two parents, and a chain in which no transform comes more than once.
+def chain(
+    bag: Bag, edges: dict[Link, Edge], base: str, flange: str
+) -> tuple[list[tuple[Link, bool]], dict[Link, Placements]]:
+    """The links from `base` to `flange`, each with whether it is passed from child to parent, and the placements of
+    those that hold throughout; the others come again and again. Raises `FileFormatError` for a frame that is not there,
+    frames that nothing connects, a frame under two parents, and a chain in which no transform comes more than once.
     """
     base, flange = base.removeprefix("/"), flange.removeprefix("/")
     known = sorted({frame for link in edges for frame in link})
@@ -96,10 +88,8 @@ def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
         )
     up = above_base[: above_base.index(common) + 1]
     down = above_flange[: above_flange.index(common) + 1][::-1]
-    path = (
-        *(((parent, child), True) for child, parent in pairwise(up)),
-        *(((parent, child), False) for parent, child in pairwise(down)),
-    )
+    path = [((parent, child), True) for child, parent in pairwise(up)]
+    path += [((parent, child), False) for parent, child in pairwise(down)]
     links = [link for link, _ in path]
     for parent, child in links:
         if edges[parent, child].static and edges[parent, child].moves:
@@ -107,14 +97,14 @@ def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
                 f"{bag.path}: found {parent} -> {child} in {STATIC} and another time at another place, expected it to "
                 "stay: record one robot's transforms"
             )
-    moving = tuple(link for link in links if edges[link].moves)
-    moving = moving or tuple(link for link in links if edges[link].count > 1)  # an arm that stands still
+    moving = [link for link in links if edges[link].moves]
+    moving = moving or [link for link in links if edges[link].count > 1]  # an arm that stands still
     if not moving:
         raise FileFormatError(
             f"{bag.path}: found static transforms only from {base} to {flange}, expected some that the arm moves: name "
             "its base and its flange"
         )
-    return Chain(path, moving, {link: edges[link].first for link in links if link not in moving})
+    return path, {link: edges[link].first for link in links if link not in moving}
 
 
 class ChainPoses:
@@ -124,8 +114,8 @@ class ChainPoses:
 
     def __init__(self, bag: Bag, topics: Sequence[Topic], base: str, flange: str) -> None:
         self.bag, self.topics, self.until = bag, topics, -np.inf
-        self.chain = chain(bag, tree(bag, topics), base, flange)
-        self.heard = dict.fromkeys(self.chain.moving, NO_PLACEMENTS)
+        self.path, self.held = chain(bag, tree(bag, topics), base, flange)
+        self.heard = {link: NO_PLACEMENTS for link, _ in self.path if link not in self.held}
 
     def read(self, part: Messages) -> OrientationStream:
         """The poses of flange in base as far as all links that move are heard by the end of this part."""
@@ -138,7 +128,7 @@ class ChainPoses:
         R, position = np.broadcast_to(np.eye(3), (len(t), 3, 3)), np.zeros((len(t), 3))
         if not len(t):
             return OrientationStream(t, R, position)
-        for link, upwards in self.chain.path:
+        for link, upwards in self.path:
             R_link, position_link = self._placed(link, t)
             if upwards:
                 R_link = R_link.transpose(0, 2, 1)
@@ -151,9 +141,9 @@ class ChainPoses:
 
     def _placed(self, link: Link, t: Array) -> tuple[Array, Array]:
         """Rotations and positions of a link at times within those at which it was heard."""
-        placements = self.chain.held[link] if link in self.chain.held else self.heard[link]
+        placements = self.held[link] if link in self.held else self.heard[link]
         R = rotations(self.bag, f"transform {link[0]} -> {link[1]}", placements)
-        if link in self.chain.held:
+        if link in self.held:
             return R, placements.position
         rows = np.minimum(np.searchsorted(placements.t, t), len(R) - 1)
         if np.array_equal(placements.t[rows], t):

@@ -132,8 +132,8 @@ class OpenTable:
 class ColumnRoles:
     """Which columns of a table are what; empty where it has none.
 
-    `convention` makes rotations of `orientation`; None: its numbers stay as they are. `gaps`: whether a row may lack
-    its wrench or its orientation, as in a recording with times.
+    `convention` makes rotations of `orientation`; None: its numbers stay as they are. In a recording with times `t` a
+    row may lack its wrench or its orientation.
     """
 
     wrench: tuple[Column, ...]
@@ -143,7 +143,6 @@ class ColumnRoles:
     position: tuple[Column, ...]
     load: tuple[Column, ...]
     saturated: tuple[Column, ...]
-    gaps: bool
 
     @property
     def of_wrench(self) -> tuple[Column, ...]:

@@ -21,16 +21,7 @@ from ...errors import FileFormatError
 from ...files import blocks_of_lines, name_of
 from ...geometry.arrays import Array
 from .columns import FLAW, SATURATED, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
-from .layout import (
-    PERHAPS_DOTTED,
-    Layout,
-    cells,
-    is_row,
-    layout_of,
-    no_number,
-    split,
-    value,
-)
+from .layout import PERHAPS_DOTTED, Layout, cells, is_row, layout_of, no_number, split, value
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", "")
 
@@ -70,16 +61,19 @@ def open_csv(path: str | Path, rows: int) -> OpenTable:
         said = f"found no row in {len(lines)} lines" if len(lines) > LONGEST_HEAD else said
         raise FileFormatError(f"{source}: {said}, expected a header line and rows of numbers")
     header_row, layout = found
-    below = ((row, _blanked(text, header_row + 1 - row), done) for row, text, done in first)
-    whole = _without_unfinished_row(chain(below, blocks), layout)
-    bodies = (Lines(*block, layout, source) for block in whole)
+    whole = _without_unfinished_row(chain(first, blocks), layout)
+    bodies = (_below(header_row, *block, layout, source) for block in whole)
     return OpenTable(source, places_of(layout.names, source), partial(_with_rows, bodies))
 
 
-def _blanked(text: str, count: int) -> str:
-    """The text with its first lines, so many, left blank."""
-    lines = text.split("\n")
-    return text if count <= 0 else "\n".join([""] * min(count, len(lines)) + lines[count:])
+def _below(header_row: int, first_row: int, text: str, done: float, layout: Layout, source: str) -> Lines:
+    """The rows of a block of lines that are below the header."""
+    every = text.split("\n")
+    rows = [row for row, line in enumerate(every, start=first_row) if row > header_row and is_row(line)]
+    lines = [every[row - first_row] for row in rows]
+    if layout.separator == " ":
+        lines, layout = ["\t".join(line.split()) for line in lines], replace(layout, separator="\t")
+    return Lines(lines, rows, done, layout, source)
 
 
 def _without_unfinished_row(
@@ -133,14 +127,10 @@ def _with_rows(blocks: Iterator[Lines], columns: Collection[Column]) -> Iterator
 
 
 class Lines:
-    """Rows of a text file, by the lines that hold them. A `Body`."""
+    """Rows of a text file, by the lines that hold them and the numbers of these. A `Body`."""
 
-    def __init__(self, first_row: int, text: str, done: float, layout: Layout, source: str) -> None:
-        lines = text.split("\n")
-        if layout.separator == " ":
-            lines, layout = ["\t".join(line.split()) for line in lines], replace(layout, separator="\t")
-        self._all, self._first_row, self._layout = lines, first_row, layout
-        self._lines = [line for line in lines if is_row(line)]
+    def __init__(self, lines: list[str], rows: list[int], done: float, layout: Layout, source: str) -> None:
+        self._lines, self._rows, self._layout = lines, rows, layout
         self.source, self.done = source, done
 
     def __len__(self) -> int:
@@ -148,17 +138,17 @@ class Lines:
 
     def select(self, kept: NDArray[np.bool_]) -> Lines:
         """Some of the rows, by a mask (n,)."""
-        wanted = iter(kept.tolist())
-        lines = [line if is_row(line) and next(wanted) else "" for line in self._all]
-        return Lines(self._first_row, "\n".join(lines), self.done, self._layout, self.source)
+        places = np.flatnonzero(kept).tolist()
+        lines, rows = [self._lines[k] for k in places], [self._rows[k] for k in places]
+        return Lines(lines, rows, self.done, self._layout, self.source)
 
     def row_of(self, index: int) -> int:
         """The number of the line of the index-th row."""
-        return next(row for k, (row, _) in enumerate(self._numbered()) if k == index)
+        return self._rows[index]
 
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for a cell that is empty, or NaN."""
-        row = self.row_of(index)
+        row = self._rows[index]
         raise self._lack(cells(self._lines[index], self._layout.separator, row, self.source)[column.place], column, row)
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
@@ -179,13 +169,15 @@ class Lines:
                 if _may_be_thousands(values[:, [column in of_wrench for column in columns]]):
                     self._refuse_thousands(of_wrench)
                 return values
-        return np.array([self._row(row, line, columns, may_lack) for row, line in self._numbered()], dtype=np.float64)
+        rows = zip(self._rows, self._lines, strict=True)
+        return np.array([self._row(row, line, columns, may_lack) for row, line in rows], dtype=np.float64)
 
     def _refuse_thousands(self, columns: Sequence[Column]) -> None:
         """Raise `FileFormatError` where every number with a decimal mark has three decimals, as thousands have."""
         mark = self._layout.decimal
-        rows = [(row, cells(line, self._layout.separator, row, self.source)) for row, line in self._numbered()]
-        found = [(row, column, of_row[column.place]) for row, of_row in rows for column in columns]
+        rows = zip(self._rows, self._lines, strict=True)
+        of_each = [(row, cells(line, self._layout.separator, row, self.source)) for row, line in rows]
+        found = [(row, column, of_row[column.place]) for row, of_row in of_each for column in columns]
         marked = [(row, column, cell) for row, column, cell in found if mark in cell]
         whole = any(mark not in cell and cell.strip("+-0") for *_, cell in found)
         if whole and all(PERHAPS_DOTTED.fullmatch(cell) for *_, cell in marked):
@@ -230,10 +222,6 @@ class Lines:
         """Whether a row has as many cells as the header; a quoted cell may hold the delimiter."""
         separator, width = self._layout.separator, len(self._layout.names)
         return (len(split(line, separator)) if '"' in line else line.count(separator) + 1) == width
-
-    def _numbered(self) -> Iterator[tuple[int, str]]:
-        """Row number and text of every row of data."""
-        return ((row, line) for row, line in enumerate(self._all, start=self._first_row) if is_row(line))
 
     def _row(self, row: int, line: str, columns: Sequence[Column], may_lack: Collection[Column]) -> list[float]:
         """The numbers of one row, slowly: the first thing that is wrong is named. Raises `FileFormatError`."""

@@ -112,10 +112,9 @@ class Records(Batch):
                 values = self._elements(values, field)
             if pa.types.is_dictionary(values.type):
                 values = values.dictionary_decode()
-            kind = values.type
-            if pa.types.is_boolean(kind):
+            if pa.types.is_boolean(values.type):
                 values = values.cast(pa.uint8())
-                kind = values.type
+            kind = values.type
             if pa.types.is_temporal(kind) and hasattr(kind, "unit") and column.role == "t":
                 per_unit = column.per_si / per_si("time", kind.unit)
                 counted = values.cast(pa.int64()).cast(pa.float64(), safe=False)

@@ -94,7 +94,6 @@ def roles_beside(
         position=position_columns(table, naming, taken) if chosen else (),
         load=() if load is None or load.place in taken else (load,),
         saturated=() if saturated is None else (column(table, saturated, SATURATED, "", {}),),
-        gaps=bool(t),
     )
 
 

@@ -34,7 +34,7 @@ SUFFIXES = (*csv.SUFFIXES, *parquet.SUFFIXES, *hdf5.SUFFIXES)
 class Table(Rows):
     """What rows of a file hold, as its writer meant it: SI units, the file's own sign, frame and direction of rotation.
 
-    `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,) 0 or 1. In
+    `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,). In
     a recording with times a row may lack its wrench, with load and saturation, or a part of it, or its orientation,
     with the position: NaN. What is in none of the rows is None. `read_as` as in `Samples`.
     """
@@ -44,7 +44,7 @@ class Table(Rows):
     t: Array | None = field(metadata=column())
     position: Array | None = field(metadata=column(3))
     load_mass: Array | None = field(metadata=column())
-    saturated: Array | None = field(metadata=column())
+    saturated: NDArray[np.bool_] | None = field(metadata=column(kind=np.bool_))
     read_as: ReadAs
 
     @property
@@ -136,7 +136,7 @@ def _table(written: WrittenRows) -> Table:
         t=in_seconds(written.t, roles.t),
         position=written.position if roles.position else None,
         load_mass=np.where(there, written.load[:, 0], np.nan) if roles.load else None,
-        saturated=np.where(there, written.saturated[:, 0], np.nan) if roles.saturated else None,
+        saturated=there & (written.saturated[:, 0] == 1.0) if roles.saturated else None,
         read_as=_read_as(roles),
     )
 
@@ -168,7 +168,7 @@ def read_as_of_both(wrench: Table, pose: Table) -> ReadAs:
 def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     """What the rows of `body` hold. Raises `FileFormatError` naming row and column of what cannot be."""
     of_wrench, of_pose = roles.of_wrench, roles.of_pose
-    may_lack = (*of_wrench, *of_pose) if roles.gaps else roles.position
+    may_lack = (*of_wrench, *of_pose) if roles.t else roles.position
     parts = in_si(body, (roles.t, of_wrench, of_pose), may_lack)
     t, with_wrench, with_pose = parts
     wrench, load, saturated = np.split(with_wrench, np.cumsum([len(roles.wrench), len(roles.load)]).tolist(), axis=1)
@@ -181,7 +181,7 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     _require(is_flag, saturated, roles.saturated, body, "0 or 1")
     _require((t[:, 1:] >= 0.0) & (t[:, 1:] < 1.0), t[:, 1:], roles.t[1:], body, "nanoseconds of 0 to 1e9")
     orientation, position = np.split(with_pose, [len(roles.orientation)], axis=1)
-    if roles.gaps and len(roles.orientation) in (4, 9):  # no quaternion and no matrix is all zeros
+    if roles.t and len(roles.orientation) in (4, 9):  # no quaternion and no matrix is all zeros
         orientation = np.where(np.any(orientation != 0.0, axis=1, keepdims=True), orientation, np.nan)
     has_orientation = _rows_there(body, roles.orientation, orientation, len(roles.orientation))
     return WrittenRows(body, roles, t, wrench, load, saturated, orientation, position, has_wrench, has_orientation)

@@ -57,19 +57,17 @@ def write_contact_wrenches(
         InputError: where the recording has other rows.
     """
     if Path(path).suffix.lower() not in SUFFIXES:
-        write_text(path, _csv(iter(batches)))
+        write_text(path, _csv(batches))
     elif recording is not None and is_parquet(recording):
         write_bytes(Path(path), _parquet(_beside(recording, naming, iter(batches), every_row)))
     else:
         write_bytes(Path(path), _parquet(map(columns_of, batches)))
 
 
-def _csv(batches: Iterator[ContactWrenches]) -> Iterator[str]:
-    first = next(batches, None)
-    if first is None:
-        return
-    yield csv_header(first)
-    for batch in chain([first], batches):
+def _csv(batches: Iterable[ContactWrenches]) -> Iterator[str]:
+    for k, batch in enumerate(batches):
+        if k == 0:
+            yield csv_header(batch)
         yield from csv_lines(batch)
 
 
