@@ -95,6 +95,19 @@ def test_what_changed_by_more_than_three_standard_deviations_is_named(
     assert ("* more than 3 standard deviations: weight" in difference_text(change)) == bool(named)
 
 
+def test_a_tool_counts_with_what_is_known_of_its_own_noise() -> None:
+    """And not with that of the worst known bias, which hid 30 g that were 4.6 standard deviations."""
+    a, b = _calibrated(RIG, 3), _calibrated(RIG, 4)
+    few = np.where(np.array(a.parameter_names) == "bias_fz", 5.0, 60.0)
+    a, b = (replace(c, dof=5.0, parameter_dof=few) for c in (a, b))
+    heavier = replace(b, parameters=b.parameters + 6.0 * b.std["weight"] * (np.array(b.parameter_names) == "weight"))
+    groups = {group.name: group for group in a.diff(heavier).groups}
+    assert groups["tool"].test.dof == pytest.approx(120.0, rel=0.2)
+    assert groups["bias"].test.dof == pytest.approx(10.0, rel=0.2)
+    older = [replace(c, parameter_dof=None) for c in (a, heavier)]
+    assert {group.test.dof < 12.0 for group in older[0].diff(older[1]).groups} == {True}
+
+
 def test_models_without_a_tool_have_their_bias_in_common() -> None:
     rig, R, rng = example(6)
     samples = noisy(rig, R, rng)

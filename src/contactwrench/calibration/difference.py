@@ -253,11 +253,22 @@ def _tested(a: CalibrationFields, b: CalibrationFields) -> tuple[GroupChange, ..
         from_a = part.of_a @ covariance_a @ part.of_a.T
         from_b = part.of_b @ covariance_b @ part.of_b.T
         covariance = from_a + from_b
-        dof = _dof_of_sum(from_a, from_b, a.dof, b.dof)
+        dof = _dof_of_sum(from_a, from_b, _dof_behind(a, part.of_a), _dof_behind(b, part.of_b))
         test = MisfitTest(misfit_of_parameters(part.change, covariance), len(part.change), dof)
         significant = test.probability < SIGNIFICANCE / (len(each) + 1)
         groups.append(GroupChange(part.name, part.parameters, part.change, covariance, test, significant))
     return tuple(groups)
+
+
+def _dof_behind(c: CalibrationFields, part: Array) -> float:
+    """Degrees of freedom of the least known of the parameters that a part (k, p) rests on; of what a motion told, and
+    where each has none of its own, those of the calibration.
+    """
+    of = c.parameter_dof
+    rests_on = np.flatnonzero(part.any(axis=0))
+    if of is None or not len(rests_on) or rests_on[-1] >= len(of):
+        return c.dof
+    return float(of[rests_on].min())
 
 
 def _dof_of_sum(from_a: Array, from_b: Array, dof_a: float, dof_b: float) -> float:
