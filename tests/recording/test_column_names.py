@@ -54,6 +54,7 @@ SPELLINGS = [
     "wrench_force_x,wrench_force_y,wrench_force_z,wrench_torque_x,wrench_torque_y,wrench_torque_z",
     "wrenchForceX,wrenchForceY,wrenchForceZ,wrenchTorqueX,wrenchTorqueY,wrenchTorqueZ",
     "fx,fy,fz,mx,my,mz",
+    "FTC.Fx,FTC.Fy,FTC.Fz,FTC.Mx,FTC.My,FTC.Mz",
     "Fx,Fy,Fz,Mx,My,Mz",
     "x_force,y_force,z_force,moment_x,moment_y,moment_z",
     "Fx / N,Fy / N,Fz / N,Mx / Nm,My / Nm,Mz / Nm",
@@ -122,6 +123,7 @@ def test_units_of_torque(tmp_path: Path, unit: str, newton_metre: float) -> None
         ("header.stamp", 7.0),
         ("field.header.stamp", 7e-9),
         ("%time", 7e-9),
+        ("IPOC", 7e-3),
         ("Zeit / ms", 7e-3),
     ],
 )
@@ -201,6 +203,16 @@ UNDECIDED = [
         f"{WORDS},pose.orientation.x,pose.orientation.y,pose.orientation.z,pose.orientation.w,quat_x",
         'found "pose.orientation.x" and "quat_x" for qx, expected one: choose with --orientation '
         "quat_xyzw:pose.orientation.x,pose.orientation.y,pose.orientation.z,pose.orientation.w",
+    ),
+    (
+        f"{WORDS},P,W (deg),P (deg),R (deg)",
+        'found "P" and "P (deg)" for p, expected one: choose with --orientation fanuc_wpr:\'W (deg),P (deg),R (deg)\'',
+    ),
+    (
+        f"{WORDS},r,p,y",
+        "found no orientation columns, expected usual names, as qx qy qz qw: rename them, or --orientation rpy:r,p,y "
+        "or nachi:r,p,y, or --wrench W.csv --pose P.csv (found force_x, force_y, force_z, torque_x, torque_y, "
+        "torque_z, r, p, y)",
     ),
     (
         f"{WORDS},roll,pitch,yaw,quat_x,quat_y,quat_z,quat_w",

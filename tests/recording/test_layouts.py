@@ -88,6 +88,16 @@ def test_numpy_savetxt_is_read_as_it_comes(tmp_path: Path) -> None:
         assert np.array_equal(found.wrench.t, Motion.t)
 
 
+def test_a_header_behind_the_percent_sign_of_matlab_is_read(tmp_path: Path) -> None:
+    """As `% time fx fy ...` it was a column more than there are; a unit of percent is no comment."""
+    path = tmp_path / "run.txt"
+    np.savetxt(path, rows(), delimiter=" ", header=" ".join(HEADER), comments="% ")
+    assert np.array_equal(joined(list(batches(path))).wrench.wrench, Motion.wrench)
+    units = ",".join(["%", *("N" for _ in range(3)), *("Nmm" for _ in range(3)), *(7 * [""])])
+    text = f"humidity,fx,fy,fz,tx,ty,tz,t,x,y,z,a,b,c\n{units}\n50,1,2,3,4,5,6,0,0,0,0,10,20,30\n"
+    assert cw.read(written(tmp_path, text)).wrench[0, 3] == pytest.approx(0.004)
+
+
 def test_info_shows_the_columns_of_every_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for text in ("t;fx\n0,5;1,5\n1,5;2,5\n", "# t fx\n0.5 1.5\n1.5 2.5\n", "t  fx\n0.5  1.5\n1.5 2.5\n"):
         path = written(tmp_path, text)

@@ -65,7 +65,10 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-@pytest.mark.parametrize(("cell", "channels"), [("", [3]), ("nan", [0, 1]), ("NaN", list(range(6)))])
+@pytest.mark.parametrize(
+    ("cell", "channels"),
+    [("", [3]), ("nan", [0, 1]), ("NaN", list(range(6))), ("-9999.0", [2]), ("-999", list(range(6)))],
+)
 def test_rows_without_a_reading_have_no_contact_wrench(
     tmp_path: Path, capsys: Capture, cell: str, channels: list[int]
 ) -> None:
@@ -73,8 +76,8 @@ def test_rows_without_a_reading_have_no_contact_wrench(
     path = written(tmp_path, table_of(t, wrench, R, cell, channels), "run.csv")
     plain = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "plain.csv")
     assert plain.status == 0
-    assert plain.err == "Note: found no whole reading (nothing, or NaN) in 8 rows: not used\n"
-    assert cw.read(path).notes == ("found no whole reading (nothing, or NaN) in 8 rows: not used",)
+    assert plain.err == "Note: found no whole reading (nothing, NaN, or -9999 and the like) in 8 rows: not used\n"
+    assert cw.read(path).notes == ("found no whole reading (nothing, NaN, or -9999 and the like) in 8 rows: not used",)
     judged = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "judged.csv", "--contact", "--noise", "0.02")
     assert judged.status == 0
     assert "Note: 8 readings that are not numbers left out" in judged.err
@@ -112,13 +115,24 @@ def test_a_parquet_recording_keeps_its_rows(tmp_path: Path, capsys: Capture, cha
         assert found["r11"].to_numpy() == pytest.approx(R[:, 0, 0])
 
 
+def test_a_pose_of_nines_is_none_and_one_that_reads_as_much_as_others_is(tmp_path: Path) -> None:
+    """Twelve poses of which one was -9999 weighed 1112 N for 37; in mN a 9999 may be a reading."""
+    _, wrench, R = (each[50::STOP] for each in recorded(3))
+    for unit, per_si, code in (("N", 1.0, -9999.0), ("mN", 1e3, 9999.0)):
+        table = np.column_stack([wrench * ([per_si] * 3 + [1.0] * 3), R.reshape(-1, 9)])
+        table[4, 2] = code
+        header = [*(f"{axis}_{unit}" for axis in WRENCH[:3]), *WRENCH[3:], *MATRIX]
+        samples = cw.read(written(tmp_path, csv_text(header, table)))
+        assert len(samples) == len(R) - (unit == "N"), unit
+
+
 @pytest.mark.parametrize("channels", [[2], list(range(6))])
 def test_a_calibration_does_without_them_and_says_so(tmp_path: Path, capsys: Capture, channels: list[int]) -> None:
     t, wrench, R = recorded(3)
     path = written(tmp_path, table_of(t, wrench, R, "", channels), "run.csv")
     done = run(capsys, "calibrate", path, "-o", tmp_path / "tool.json")
     assert done.status == 0, done.err
-    assert done.err.count("found no whole reading (nothing, or NaN) in 8 rows: not used") == 1
+    assert done.err.count("found no whole reading (nothing, NaN, or -9999 and the like) in 8 rows: not used") == 1
     assert cw.Calibration.load(tmp_path / "tool.json").weight == pytest.approx(WEIGHT, abs=0.1)
 
 

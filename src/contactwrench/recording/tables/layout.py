@@ -30,6 +30,7 @@ NO_UNIT = ("", "-", "1")
 MOST_REMARKS, FEWEST_NUMBERS = 50, 6
 """Rows above the header; and numbers in a row, a wrench at least."""
 
+NO_COMMENT = ("#N/A", "%,", "%;", "%\t")
 COLUMN_OF = {"force": "fx", "torque": "tx", "time": "t", "angle": "roll", "length": "x"}
 USUAL = ("N", "N m", "s", "deg", "m")
 """Columns by which a unit is shown, and the units of those that state none."""
@@ -119,7 +120,7 @@ def _refuse_units(remark: str, where: str) -> None:
 
 def _named_by_comment(above: Sequence[str], data: Sequence[str], row: int, source: str) -> Layout:
     """The layout of rows whose names stand in the last comment above them, as numpy.savetxt writes them."""
-    comment = next((line.strip().lstrip("# ") for line in reversed(above) if line.strip()), "")
+    comment = next((line.strip().lstrip("#% ") for line in reversed(above) if line.strip()), "")
     separator = _separator(comment, data[:SAMPLE])
     names = _names(comment, separator, row, source)
     if len(names) < 2 or len(names) != len(split(data[0], separator)) or any(map(is_number, names)):
@@ -182,9 +183,11 @@ def _numbers_in(row: Sequence[str]) -> int:
 
 
 def is_row(line: str) -> bool:
-    """Whether a line is neither blank nor a comment; a spreadsheet's `#N/A` is none."""
+    """Whether a line is neither blank nor a comment, with `#` or MATLAB's `%`; a spreadsheet's `#N/A` is none, nor is a
+    `%` alone, a unit.
+    """
     start = line.lstrip()
-    return bool(start) and (start[0] != "#" or start.startswith("#N/A"))
+    return bool(start) and (start[0] not in "#%" or start.startswith(NO_COMMENT))
 
 
 def cells(line: str, separator: str, row: int, source: str) -> list[str]:

@@ -69,7 +69,7 @@ _ANYWHERE = _set(
     "readings observation observations obs receive"
 )
 _OF_WRENCH = _ANYWHERE | _set(
-    "wrench ft fts ftsensor sensor raw wrist ee eef netft ati axia robotiq bota onrobot optoforce resense"
+    "wrench ft fts ftsensor sensor raw wrist ee eef netft ati axia robotiq bota onrobot optoforce resense ftc"
 )
 _OF_POSE = _ANYWHERE | _set(
     "pose position pos tcp ee eef flange tool robot cartesian cart rist end effector transform translation"
@@ -103,8 +103,8 @@ _NAMES: tuple[tuple[frozenset[str], str, str], ...] = (
 """Words that say nothing there, what is left of a header without them and without blanks, and the part that it is. The
 first group: a letter alone, which needs company (see `roles`).
 """
-_RECORDERS = {"%time": "ns", "rosbagtimestamp": "ns", "__time": "s"}
-"""Times of the program that wrote the file: `rostopic echo -p`, rosbag_to_csv, PlotJuggler."""
+_RECORDERS = {"%time": "ns", "rosbagtimestamp": "ns", "__time": "s", "ipoc": "ms"}
+"""Times of the program that wrote the file: `rostopic echo -p`, rosbag_to_csv, PlotJuggler; of a KUKA's RSI."""
 
 
 @dataclass(frozen=True)

@@ -23,13 +23,15 @@ from .candidates import (
 from .columns import WRENCH_COLUMNS, Column, Naming, OpenTable, listed, shown
 from .units import stated_units
 
-QUATERNIONS = (
+PERHAPS = (
     ("abb_quat", ("q1", "q2", "q3", "q4")),
     ("quat_wxyz", ("q0", "q1", "q2", "q3")),
     ("quat_xyzw", ("q0", "q1", "q2", "q3")),
     ("quat_wxyz", ("w", "x", "y", "z")),
+    ("rpy", ("r", "p", "y")),
+    ("nachi", ("r", "p", "y")),
 )
-"""Names of four numbers that may be a quaternion, and how they are written then: asked for, not guessed."""
+"""Names that an orientation may have, and how it is written then: asked for, not guessed."""
 LISTS = {4: ("quat_xyzw", "quat_wxyz"), 9: ("matrix",), 16: ("franka_matrix",)}
 """What a list of so many numbers may be."""
 
@@ -56,27 +58,28 @@ def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, l
     if whole:
         name, columns = next(iter(whole.items()))
         return CONVENTIONS[name], _angles(table, naming, CONVENTIONS[name], columns, by_part)
+    perhaps = _perhaps(table)
     for name, parts in found.items():
-        if sum(part is not None for part in parts) > len(parts) / 2:
+        if sum(part is not None for part in parts) > len(parts) / 2 and not perhaps:
             missing = [want for want, part in zip(CONVENTIONS[name].columns, parts, strict=True) if part is None]
             raise FileFormatError(f"{table.source}: found no column {missing[0]}, expected all of {name}: add it")
     alone = by_part.keys() >= set(WRENCH_COLUMNS)
     two = ", or --wrench W.csv --pose P.csv" if alone else ""
     known = "qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw"
     mend = f"{known}: rename them, or --orientation NAME:COLUMNS"
-    if perhaps := _perhaps(table):
+    if perhaps:
         mend = f"usual names, as qx qy qz qw: rename them, or --orientation {perhaps}"
     found_none = f"{table.source}: found no orientation columns, expected {mend}"
     raise FileFormatError(with_room_for(found_none, two, end=f" (found {listed(table.places)})"))
 
 
 def _perhaps(table: OpenTable) -> str:
-    """What --orientation may be for columns whose names a quaternion may bear, and for lists of as many numbers as a
+    """What --orientation may be for columns whose names an orientation may bear, and for lists of as many numbers as a
     quaternion, a matrix and a pose have.
     """
     there = {name.lower(): name for name in table.places}
     perhaps = [
-        f"{how}:{','.join(there[name] for name in names)}" for how, names in QUATERNIONS if there.keys() >= set(names)
+        f"{how}:{','.join(there[name] for name in names)}" for how, names in PERHAPS if there.keys() >= set(names)
     ]
     lists = [name.removesuffix("[0]") for name in table.places if name.endswith("[0]")]
     perhaps += [
@@ -153,8 +156,11 @@ def _beside_the_wrench(table: OpenTable, naming: Naming) -> OpenTable:
 
 
 def _by_names(chosen: Convention, by_part: dict[str, list[Candidate]]) -> str:
-    """The option that chooses the first of several columns."""
-    return f"--orientation {chosen.name}:{as_listed(by_part[each][0] for each in chosen.columns if each in by_part)}"
+    """The option that chooses of several columns the first in the unit of all parts, so far as they state one."""
+    several = [by_part[each] for each in chosen.columns if each in by_part]
+    common = set.intersection(*({each.said.unit for each in columns} for columns in several))
+    in_common = [[each for each in columns if each.said.unit in common] or columns for columns in several]
+    return f"--orientation {chosen.name}:{as_listed(columns[0] for columns in in_common)}"
 
 
 def _in_their_units(table: OpenTable, naming: Naming, chosen: Convention, columns: list[Candidate]) -> list[Column]:

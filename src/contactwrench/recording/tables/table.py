@@ -28,6 +28,8 @@ from .roles import roles_of
 from .units import ANGLE
 
 SUFFIXES = (*csv.SUFFIXES, *parquet.SUFFIXES, *hdf5.SUFFIXES)
+CODES, CODE_BEYOND = 10.0 ** np.arange(3, 10) - 1.0, 5.0
+"""What stands for no number in files, 999 to 999999999; and times the largest other number of its column."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +155,7 @@ def _read_as(roles: ColumnRoles) -> ReadAs:
 
 def without_reading(rows: int) -> str:
     """That so many rows of a recording have none."""
-    return f"found no whole reading (nothing, or NaN) in {counted(rows, 'row')}: not used"
+    return f"found no whole reading (nothing, NaN, or -9999 and the like) in {counted(rows, 'row')}: not used"
 
 
 def read_as_of_both(wrench: Table, pose: Table) -> ReadAs:
@@ -172,6 +174,7 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     parts = in_si(body, (roles.t, of_wrench, of_pose), may_lack)
     t, with_wrench, with_pose = parts
     wrench, load, saturated = np.split(with_wrench, np.cumsum([len(roles.wrench), len(roles.load)]).tolist(), axis=1)
+    wrench = _without_codes(wrench, roles.wrench)
     has_wrench = _rows_there(body, of_wrench, with_wrench, len(roles.wrench), may_be_half=True)
     limit = f"at most {LARGEST_READING:g} N or N m"
     _require(~(np.abs(wrench) > LARGEST_READING), wrench, roles.wrench, body, limit)
@@ -192,6 +195,19 @@ def in_si(body: Body, groups: Sequence[Sequence[Column]], may_lack: Sequence[Col
     columns = [column for group in groups for column in group]
     values = body.numbers(columns, may_lack) / np.array([column.per_si for column in columns])
     return np.split(values, np.cumsum([len(group) for group in groups])[:-1].tolist(), axis=1)
+
+
+def _without_codes(wrench: Array, columns: Sequence[Column]) -> Array:
+    """Readings (n, k), NaN where a file has a code for none: nines alone, of either sign, far beyond all other numbers
+    of the column, and in fewer than half of its rows.
+    """
+    written = np.abs(wrench * np.array([column.per_si for column in columns]))
+    if not (written >= CODES[0] - 0.5).any():
+        return wrench
+    is_code = np.isin(np.rint(written), CODES) & (np.abs(written - np.rint(written)) < 1e-6)
+    largest = np.max(np.where(is_code | np.isnan(written), 0.0, written), axis=0)
+    is_code &= (written > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5)
+    return np.where(is_code, np.nan, wrench)
 
 
 def _rows_there(
