@@ -79,7 +79,7 @@ def test_what_is_refused() -> None:
     assert str(caught.value) == "cut-off of a low-pass is -1, expected 0.001 to 1e+06 Hz"
     with pytest.raises(InputError) as caught:
         LowPass(500.0).sections(RATE)
-    assert str(caught.value) == "cut-off of a low-pass is 500 Hz at 1000 Hz, expected less than half the rate"
+    assert str(caught.value) == "cut-off of a low-pass is 500 Hz at 1000 Hz, expected less than half the rate, 500 Hz"
     with pytest.raises(InputError) as caught:
         zero_phase(np.zeros((5, 6)), LowPass(20.0), RATE)
     assert str(caught.value) == "found 5 rows, expected at least 10 to filter both ways"

@@ -244,6 +244,8 @@ def test_a_flag_chooses_where_the_columns_would_tell_something_else(tmp_path: Pa
             {"units": {"time": "ms"}},
             "units is {'time': 'ms'}, expected a text: write it as for --units on the command line",
         ),
+        ({"episode": "1"}, "episode is '1', expected a whole number: read one at a time"),
+        ({"episode": range(3)}, "episode is range(0, 3), expected a whole number: read one at a time"),
         ({"orientation": 3}, "orientation is 3, expected a text: write it as for --orientation on the command line"),
     ],
 )

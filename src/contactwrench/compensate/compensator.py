@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, number, numbers, read_only, seconds
+from ..geometry.orientation import OrientationLike, numbers_of
 from ..geometry.ranges import CAPACITY, DURATION, PER_KELVIN, RATE, WALK
 from ..geometry.wrench import wrench_rows
 from ..samples.flange_motion import FlangeMotion
@@ -130,7 +131,7 @@ class Compensator:
     def __call__(
         self,
         wrench: ArrayLike,
-        orientation: ArrayLike,
+        orientation: OrientationLike,
         t: float,
         temperature: float | None = None,
         *,
@@ -141,7 +142,7 @@ class Compensator:
 
         Args:
             wrench: (6,) the reading, N and N m, sensor axes.
-            orientation: `R_base_flange` (3, 3), or its quaternion x, y, z, w (4,).
+            orientation: `R_base_flange` (3, 3), its quaternion x, y, z, w (4,), or a scipy `Rotation`.
             t: s.
             temperature: K or degrees C, where there is one.
             position: (3,) m of the flange, base axes, for a calibration with inertia; None: the arm is at rest.
@@ -150,7 +151,7 @@ class Compensator:
         Raises:
             InputError: a shape, no numbers, a rate that is too low for a cut-off, or a call while another runs.
         """
-        reading, turn = numbers(wrench, "wrench"), numbers(orientation, "orientation")
+        reading, turn = numbers(wrench, "wrench"), numbers_of(orientation)
         at_rest = position is None and acceleration is None
         place = NOTHING_TOLD if at_rest else told(self._calibration, position, acceleration)
         require_one(reading, turn, place)
@@ -169,7 +170,7 @@ class Compensator:
         return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
 
     @by_one_thread
-    def pose(self, orientation: ArrayLike, position: ArrayLike, t: float, passed: float) -> None:
+    def pose(self, orientation: OrientationLike, position: ArrayLike, t: float, passed: float) -> None:
         """Take a pose that comes at a time of its own; readings then come without a position. It tells the motion at
         the pose before it. At most two poses may be ahead of the next reading: more are not kept.
 
@@ -181,7 +182,7 @@ class Compensator:
         Raises:
             InputError: a shape, no numbers, or a call while another runs.
         """
-        turn, place = numbers(orientation, "orientation"), told(self._calibration, position, None)
+        turn, place = numbers_of(orientation), told(self._calibration, position, None)
         require_one(NOT_KNOWN, turn, place)
         self._runner.pose(turn, place, t, inf if isnan(passed) else passed)
 
@@ -189,7 +190,7 @@ class Compensator:
     def run(
         self,
         wrench: ArrayLike,
-        orientation: ArrayLike,
+        orientation: OrientationLike,
         t: ArrayLike,
         temperature: ArrayLike | None = None,
         *,
@@ -201,7 +202,7 @@ class Compensator:
 
         Args:
             wrench: (n, 6) the readings, N and N m, sensor axes.
-            orientation: `R_base_flange` (n, 3, 3), or quaternions x, y, z, w (n, 4).
+            orientation: `R_base_flange` (n, 3, 3), quaternions x, y, z, w (n, 4), or a scipy `Rotation`.
             t: (n,) s.
             temperature: (n,) K or degrees C, where there are some.
             position, acceleration: (n, 3), as of a single reading.

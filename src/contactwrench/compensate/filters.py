@@ -62,7 +62,8 @@ class LowPass:
             return np.array([[1.0 - left, 0.0, 0.0, 1.0, -left, 0.0]])
         if self.cutoff >= 0.5 * rate:
             raise InputError(
-                f"cut-off of a low-pass is {self.cutoff:g} Hz at {rate:g} Hz, expected less than half the rate"
+                f"cut-off of a low-pass is {self.cutoff:g} Hz at {rate:g} Hz, expected less than half the rate, "
+                f"{0.5 * rate:g} Hz"
             )
         from scipy.signal import butter
 

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, numbers, read_only, seconds
+from ..geometry.orientation import OrientationLike, numbers_of
 from ..subtract import compiled_by_numba
 from .contact_wrenches import Contact, ContactWrenches
 from .faults import SAME, reasons_of
@@ -65,7 +66,7 @@ def require_one(reading: Array, turn: Array, place: Array) -> None:
 
 def given(
     readings: Array,
-    orientation: ArrayLike,
+    orientation: OrientationLike,
     t: ArrayLike,
     temperature: ArrayLike | None,
     told: Array | None,
@@ -75,7 +76,7 @@ def given(
     `moving` its terms (n, 12), and by how much the variance (n, 6) grows in it, where they are known. Raises
     `InputError` for shapes that do not pair.
     """
-    n, turns, times = len(readings), numbers(orientation, "orientation"), seconds(t)
+    n, turns, times = len(readings), numbers_of(orientation), seconds(t)
     heats = np.full(n, nan) if temperature is None else numbers(temperature, "temperature")
     told = np.full((n, 3), nan) if told is None else told
     if turns.shape not in {(n, 4), (n, 3, 3)} or times.shape != (n,) or heats.shape != (n,):

@@ -45,6 +45,11 @@ class Convention:
     description: str
 
 
+def numbers_of(orientation: OrientationLike) -> Array:
+    """Quaternions or matrices as they were handed over, of a scipy `Rotation` its quaternions. Raises `InputError`."""
+    return numbers(orientation.as_quat() if hasattr(orientation, "as_quat") else orientation, "orientation")
+
+
 def from_quat_xyzw(quat_xyzw: Array) -> Array:
     """Rotation matrices (n, 3, 3) of quaternions (n, 4), scalar last.
 

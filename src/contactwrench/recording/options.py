@@ -56,6 +56,10 @@ class Options(Naming):
         for name, known in (("wrench_frame", ("sensor", "base")), ("sign", ("pull", "reaction"))):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected {' or '.join(known)}")
+        if self.episode is not None and (
+            isinstance(self.episode, bool) or not isinstance(self.episode, int | np.integer)
+        ):
+            raise InputError(f"episode is {self.episode!r}, expected a whole number: read one at a time")
         for name in TEXTS:
             if not isinstance(value := getattr(self, name), str | None):
                 flag = name.replace("_", "-")
