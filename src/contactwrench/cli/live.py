@@ -132,10 +132,10 @@ def live(
             stack.callback(_as_others)
         readers = {role: _read(source, role, len(sources) == 1, stack) for role, source in sources.items()}
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
-        if known is not None and not at_sensor.replay:
-            require_devices(known, str(calibration), at_sensor, at_arm)
         if compiles is not None:
             compiles.join()
+        if known is not None and not at_sensor.replay:
+            require_devices(known, str(calibration), at_sensor, at_arm)
         session = Session(
             known,
             sensor=sources["sensor"].uri,
