@@ -101,6 +101,7 @@ def test_torques_in_nmm_are_taken_where_they_are_likeliest(tmp_path: Path) -> No
     diagnosis = diagnosed(tmp_path, 1.0, 1e3)
     assert diagnosis.best.interpretation.flags == ("--units torque=Nmm",)
     assert diagnosis.best.odd == ""
+    assert "\nFree air cannot tell these from the first:\n  as given\nTo decide:\n" in diagnosis_text(diagnosis)
     assert "force=N,torque=Nmm" not in "".join(each.label for each in diagnosis.unseen)
     assert [each.odd for each in diagnosis.unseen if each.label == REVERSED] == [BEHIND]
 

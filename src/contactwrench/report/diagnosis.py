@@ -70,7 +70,8 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         lines += ["", LIKELY_CAUSES]
     if d.likely:
         lines += ["", "Free air cannot tell these from the first:"]
-        lines += [f"  {_label(interpretation)}" for interpretation in d.alike[: d.likely]]
+        given = d.given and d.given.interpretation
+        lines += [f"  {'as given' if each == given else _label(each)}" for each in d.alike[: d.likely]]
         lines += ["To decide:", *(f"- {observation}" for observation in d.observations)]
     lines += _unseen(d)
     return "\n".join(map(visible, lines))
