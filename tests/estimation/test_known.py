@@ -24,7 +24,7 @@ from contactwrench.model import PARAMETERS, stepped
 from tests.support.poses import POSE_SETS
 from tests.support.recordings import PANDA, Run, csv_text, run, written
 from tests.support.rigs import NOISE, example, noisy, rotation_angle
-from tests.support.world import noisy_readings, random_rotations, tilted_down
+from tests.support.world import noisy_readings, random_rotations, readings, tilted_down
 
 Capture = pytest.CaptureFixture[str]
 PAPER_POSES = POSE_SETS["paper's 6"]
@@ -98,6 +98,20 @@ def test_a_single_pose_gives_the_bias_anew(model: str) -> None:
     assert calibration.weight == pytest.approx(earlier.weight, rel=1e-6)
     assert calibration.std["weight"] == pytest.approx(earlier.std["weight"], rel=1e-3)
     assert calibration.dof == pytest.approx(earlier.dof, rel=0.15)
+
+
+def test_a_new_zero_makes_no_sensor_exact() -> None:
+    """Whose gains are 1 % off: at other orientations the contact force is as uncertain as it was."""
+    rig, R, rng = example(8, poses=25)
+    gain = np.eye(6) + 0.01 * rng.normal(size=(6, 6)) * np.outer([1.0] * 3 + [0.05] * 3, [1.0] * 3 + [20.0] * 3)
+    wrench = (readings(rig, R) - rig.bias) @ gain.T + rig.bias + NOISE * rng.normal(size=(25, 6))
+    earlier = cw.calibrate(cw.Samples(wrench[:24], R[:24]))
+    now = cw.calibrate(cw.Samples(wrench[24:] + 0.1, R[24:]), prior=earlier)
+    unseen = random_rotations(50, rng)
+    left = now.compensate((readings(rig, unseen) - rig.bias) @ gain.T + rig.bias + 0.1, unseen)[:, :3]
+    std = now.wrench_std(unseen)[:, :3]
+    assert std.mean() > 0.8 * earlier.wrench_std(unseen)[:, :3].mean()
+    assert np.sqrt(np.mean((left / std) ** 2)) < 1.5
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ from .in_motion import with_earlier_inertia, with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .plausibility import dead_channels, inherited
-from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, known_of, stated_knowledge
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, known_of, stated_knowledge, with_errors_of
 from .rigid import estimated, model_fitted
 from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 
@@ -107,7 +107,7 @@ def calibrate(
     recorded = from_recording(samples, question, g)
     contradicted = of_known(known or {}, recorded.readings, question)
     try:
-        calibration = assembled(recorded, question, origin)
+        calibration = with_errors_of(assembled(recorded, question, origin), prior)
         if model == "dynamic":
             calibration = with_motion(calibration, recorded.samples, sensor_offset)
         elif prior is not None:

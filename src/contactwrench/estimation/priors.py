@@ -242,3 +242,17 @@ def known_of(prior: Calibration, rows: int) -> tuple[Knowledge, StatedNoise]:
     covariance[range(9), range(9)] *= 1.0 + LEAST_SHARE
     noise = np.sqrt(variance_of_means(prior.noise, prior.fitted_poses, np.array([float(rows)]))[0])
     return earlier_calibration(tool_of(prior), covariance), StatedNoise(noise, prior.dof or MOST_DOF)
+
+
+def with_errors_of(calibration: Calibration, prior: Calibration | None) -> Calibration:
+    """A calibration with what an earlier one found of the sensor's gain and the robot's orientation, so far as its own
+    poses say nothing of these: a new zero makes neither exact.
+    """
+    if prior is None:
+        return calibration
+    gain, turns = calibration.gain_covariance, calibration.orientation_std
+    return replace(
+        calibration,
+        gain_covariance=prior.gain_covariance if gain is None else gain,
+        orientation_std=prior.orientation_std if turns is None else turns,
+    )
