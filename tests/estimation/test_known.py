@@ -102,7 +102,7 @@ def test_a_single_pose_gives_the_bias_anew(model: str) -> None:
 
 def test_a_new_zero_makes_no_sensor_exact() -> None:
     """Whose gains are 1 % off: at other orientations the contact force is as uncertain as it was."""
-    rig, R, rng = example(8, poses=25)
+    rig, R, rng = example(6, poses=25)
     gain = np.eye(6) + 0.01 * rng.normal(size=(6, 6)) * np.outer([1.0] * 3 + [0.05] * 3, [1.0] * 3 + [20.0] * 3)
     wrench = (readings(rig, R) - rig.bias) @ gain.T + rig.bias + NOISE * rng.normal(size=(25, 6))
     earlier = cw.calibrate(cw.Samples(wrench[:24], R[:24]))
@@ -110,8 +110,8 @@ def test_a_new_zero_makes_no_sensor_exact() -> None:
     unseen = random_rotations(50, rng)
     left = now.compensate((readings(rig, unseen) - rig.bias) @ gain.T + rig.bias + 0.1, unseen)[:, :3]
     std = now.wrench_std(unseen)[:, :3]
-    assert std.mean() > 0.8 * earlier.wrench_std(unseen)[:, :3].mean()
-    assert np.sqrt(np.mean((left / std) ** 2)) < 1.5
+    assert std.mean() > 0.95 * earlier.wrench_std(unseen)[:, :3].mean()
+    assert np.sqrt(np.mean((left / std) ** 2)) < 2.0
 
 
 @pytest.mark.parametrize(
