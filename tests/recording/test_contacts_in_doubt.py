@@ -30,7 +30,7 @@ Capture = pytest.CaptureFixture[str]
 
 N, RATE = 6000, 100.0
 OTHERWISE = (
-    "if nothing touches, the recording has another tool (calibrate it), another zero (calibrate --prior), or is not "
+    "if nothing touches, the recording has another tool (calibrate it), another zero (--zero S), or is not "
     "read as the calibration was (sign, units, orientation)"
 )
 CAUSES = f"{OTHERWISE}, or it drifted (--drift)"

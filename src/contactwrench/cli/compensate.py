@@ -10,7 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..files import STDOUT
-from ..geometry.ranges import CUTOFF, DELAY, POINT, WALK, G
+from ..geometry.ranges import CUTOFF, DELAY, DURATION, POINT, WALK, G
 from . import options
 from .outputs import NAMES_FOLDER, Writes
 from .progress import progress
@@ -84,6 +84,14 @@ def compensate(
             DELAY, "S", "By how much later than the pose the wrench is stamped. [default: the calibration's]"
         ),
     ] = None,
+    zero: Annotated[
+        float | None,
+        options.number(
+            DURATION,
+            "S",
+            "Take the bias anew from the first S seconds, of a set those of each: the tool free, the arm at rest.",
+        ),
+    ] = None,
     all_episodes: Annotated[
         bool, typer.Option("--all-episodes", help="Of a set of recordings: every one, each by itself.")
     ] = False,
@@ -115,6 +123,7 @@ def compensate(
         sensor_filter=_low_pass(sensor_filter, "--sensor-filter", 1),
         drift=None if drift is None else with_torques(drift),
         noise=None if noise is None else _noise(noise, recording, loaded, direction),
+        zero=zero,
     )
     with progress(f"compensating {recording.path.name}") as advance:
         lines, notes = compensate_recording(

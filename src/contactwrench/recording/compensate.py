@@ -22,7 +22,7 @@ from ..compensate.delay import delay_of, std_of_delay
 from ..compensate.filters import LowPass, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..geometry.ranges import DELAY
+from ..geometry.ranges import DELAY, DURATION
 from ..samples.bursts import bursts_in, even_rows, spread
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
@@ -34,6 +34,7 @@ from .bags.open import SUFFIXES_OF_BAGS
 from .bags.read import bag_batches
 from .contacts_in_doubt import InDoubt, OffThroughout
 from .in_order import NOTHING, InOrder, without_wrench
+from .new_zero import with_zero_of
 from .options import Options
 from .read import batches, pairs_in_batches, reader_of, samples_of
 from .standing import Standing
@@ -54,7 +55,7 @@ class Treatment:
     `output_frame` and `point` as in `contact_wrenches`; `gravity` (3,) in base axes where it differs from the
     calibration's; `delay` s of the wrench, None: the calibration's, where it is significant; `low_pass` of the contact
     wrench, both ways, so that nothing is late; `judged`: contact and faults of each sample, for which `sensor_filter`,
-    `drift` (6,) and `noise` are as for a `Compensator`.
+    `drift` (6,) and `noise` are as for a `Compensator`; `zero` s at the beginning, of which the bias is taken anew.
     """
 
     output_frame: str = "sensor"
@@ -66,10 +67,13 @@ class Treatment:
     sensor_filter: LowPass | None = None
     drift: Array | None = None
     noise: Array | None = None
+    zero: float | None = None
 
     def __post_init__(self) -> None:
         if self.delay is not None:
             DELAY.require(self.delay, "the delay")
+        if self.zero is not None:
+            DURATION.require(self.zero, "zero")
 
     def applied_delay(self, calibration: Calibration) -> float:
         """The delay (s) by which the orientation is looked up earlier."""
@@ -105,6 +109,8 @@ def compensated(
     if options.imu is not None and (calibration.dynamics is None or calibration.dynamics.accelerometer is None):
         options = replace(options, imu=None)
         note("--imu is not used: the calibration has no inertia that counts from an accelerometer")
+    if treatment.zero is not None:
+        calibration = with_zero_of(path, options, calibration.with_gravity(treatment.gravity), treatment.zero)
     pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
     first = None if pairs is None else next(pairs)
     evenly, of_bursts = (None, ()) if first is None else even_rows(samples_of(first, path))

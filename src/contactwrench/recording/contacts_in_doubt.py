@@ -34,7 +34,7 @@ FEWEST_ROWS = 100
 MEDIAN_STEP = 0.954
 """Of the absolute difference of two numbers with a normal distribution, in standard deviations of one."""
 OTHERWISE = (
-    "if nothing touches, the recording has another tool (calibrate it), another zero (calibrate --prior), or is not "
+    "if nothing touches, the recording has another tool (calibrate it), another zero (--zero S), or is not "
     "read as the calibration was (sign, units, orientation)"
 )
 
