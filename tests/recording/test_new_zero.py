@@ -49,7 +49,15 @@ def test_the_bias_of_a_recording_is_that_of_its_first_second(
 ) -> None:
     tool()[1].save(tmp_path / "tool.json")
     path = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), episode(1, SHIFT)), "run.csv")
-    arguments = ("compensate", path, "-c", tmp_path / "tool.json", "-o", tmp_path / "out.csv", *judged)
+    arguments: tuple[str | Path, ...] = (
+        "compensate",
+        path,
+        "-c",
+        tmp_path / "tool.json",
+        "-o",
+        tmp_path / "out.csv",
+        *judged,
+    )
     assert run(capsys, *arguments).status == 0
     assert left(tmp_path / "out.csv")[REST:].mean(axis=0) == pytest.approx(SHIFT, abs=0.1)
     assert run(capsys, *arguments, "--force", "--zero", "1").status == 0
@@ -60,7 +68,15 @@ def test_each_of_a_set_has_its_own(tmp_path: Path, capsys: Capture) -> None:
     tool()[1].save(tmp_path / "tool.json")
     rows = [np.column_stack([episode(k, k * SHIFT), np.full(N, k)]) for k in range(SETS)]
     path = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX, "episode_index"), np.vstack(rows)), "set.csv")
-    arguments = ("compensate", path, "-c", tmp_path / "tool.json", "-o", tmp_path / "out.csv", "--all-episodes")
+    arguments: tuple[str | Path, ...] = (
+        "compensate",
+        path,
+        "-c",
+        tmp_path / "tool.json",
+        "-o",
+        tmp_path / "out.csv",
+        "--all-episodes",
+    )
     done = run(capsys, *arguments, "--contact", "--noise", "0.05", "--zero", "1.2")
     assert done.status == 0, done.err
     assert "no contact" in done.out + done.err
