@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -59,7 +59,7 @@ def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
     with _opened(path) as file, _readable(source):
         stated = None if naming.hdf5 is None else datasets_stated(naming.hdf5)
         in_file = stated is not None and None not in [dataset_at(file, name, source) for name in stated.values()]
-        every = [_Group("/", None)] if in_file else _groups(file, source)
+        every = (_Group("/", None),) if in_file else _groups_of(source, os.stat(path).st_mtime_ns)
         groups = [group for group in every if group.episode == naming.episode] or every
         one, orientation = file[groups[0].path], naming.orientation
         fields = fields_found(one) if stated is None else fields_of_roles(one, stated, orientation, source)
@@ -118,8 +118,16 @@ class Datasets(Batch):
         return self._read[name][:, field.element or 0]
 
 
+@lru_cache(4)
+def _groups_of(path: str, changed: int) -> tuple[_Group, ...]:
+    """The episodes of a set in the order of their numbers, or the whole file; which is looked through once, and not for
+    each episode, while it is as it was when it `changed` last.
+    """
+    with _opened(path) as file, _readable(path):
+        return tuple(_groups(file, path))
+
+
 def _groups(file: Any, source: str) -> list[_Group]:
-    """The episodes of a set in the order of their numbers, or the whole file."""
     names: list[str] = []
 
     def too_deep(name: str) -> bool | None:
