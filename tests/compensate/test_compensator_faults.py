@@ -55,7 +55,8 @@ def test_a_good_recording_has_nothing_to_flag() -> None:
         (lambda w, q, t: w.__setitem__((1000, 4), np.nan), "reading: ty is nan"),
         (lambda w, q, t: w.__setitem__((1000, 0), -np.inf), "reading: fx is -inf"),
         (lambda w, q, t: w.__setitem__((1000, 2), -9999.0), "reading: fz is -9999"),
-        (lambda w, q, t: w.__setitem__(1000, 999.0), "reading: fx is 999"),
+        (lambda w, q, t: w.__setitem__(1000, 99999.0), "reading: fx is 99999"),
+        (lambda w, q, t: w.__setitem__((1000, 5), 999999.0), "reading: tz is 999999"),
         (lambda w, q, t: q.__setitem__((1000, 1), np.nan), "orientation: not a number"),
         (
             lambda w, q, t: q.__setitem__(1000, 1.1 * q[1000]),
@@ -213,6 +214,20 @@ def test_a_stuck_channel_of_a_slow_sensor_is_found_within_half_a_second_or_as_it
     batch = _compensator(calibration, rate=rate, lowpass=None).run(wrench, R, np.arange(600) / rate)
     assert batch.valid[:100].all()
     assert not batch.valid[100 + most :].any()
+
+
+@pytest.mark.parametrize(("rate", "polled", "repeats"), [(20.0, 1, 19), (20.0, 25, 19), (100.0, 1, 45)])
+def test_a_channel_that_repeats_for_less_than_that_is_not_stuck(rate: float, polled: int, repeats: int) -> None:
+    """Nor where a driver asks a slow sensor more often: those are no more readings."""
+    calibration, rig, rng = calibrated(1)
+    wrench = free(rig, R := still(rng, 400), rng)
+    for channel, begin in enumerate(range(100, 340, 80)):
+        wrench[begin : begin + repeats, channel] = wrench[begin, channel]
+    t = np.arange(400 * polled) / (rate * polled)
+    batch = _compensator(calibration, rate=rate * polled, lowpass=None).run(
+        np.repeat(wrench, polled, axis=0), np.repeat(R, polled, axis=0), t
+    )
+    assert "stuck" not in _words(batch)
 
 
 def test_missing_values_teach_nothing_of_the_bias() -> None:

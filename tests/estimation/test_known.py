@@ -135,6 +135,15 @@ def test_a_delay_is_known_from_an_earlier_calibration_until_a_recording_tells_an
     assert cw.Compensator(now).delay == pytest.approx(expected[0], rel=1e-3)
 
 
+def test_a_delay_between_two_clocks_is_of_one_recording_alone() -> None:
+    rig, R, rng = example(4, poses=13)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    earlier = cw.calibrate(cw.Samples(wrench[:12], R[:12], delay=0.8, delay_std=1e-3))
+    now = cw.calibrate(cw.Samples(wrench[12:], R[12:]), prior=earlier)
+    assert (now.delay, now.delay_std) == (None, None)
+    assert Kind.CLOCKS_APART not in [finding.kind for finding in now.findings]
+
+
 def test_one_row_is_noisier_than_the_mean_of_many() -> None:
     """The earlier poses averaged 400 rows each; a single row scatters 20 times as much."""
     rig, R, rng = example(12, poses=8)

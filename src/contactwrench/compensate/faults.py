@@ -21,8 +21,8 @@ OVERLOAD, STUCK, STILL, FROZEN, NO_PAST, NO_MOTION, SILENT = range(11, 18)
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
 LATEST = TIME.most
-MISSING = (999.0, 9999.0, 99999.0, 999999.0)
-"""What files and drivers have, of either sign, where there was no reading."""
+MISSING = (9999.0, 99999.0, 999999.0)
+"""What files and drivers have, of either sign, where there was no reading; 999 N may be one."""
 SQUARED_TOLERANCE = 0.02
 """As in geometry/orientation.py: an orientation may be off unit length by 1 %."""
 LEAST_REPEATS, LEAST_SECONDS, FEWEST_REPEATS, NEVER_MOVED = 100.0, 0.5, 20.0, 10.0
@@ -248,8 +248,8 @@ def repeats_allowed(s: State, channel: int) -> float:
         elif s.last_reading[channel] == 0.0:
             allowed = inf
     least = LEAST_REPEATS
-    if s.interval < inf:
-        least = min(least, max(FEWEST_REPEATS, LEAST_SECONDS / s.interval))
+    if s.new_usual > 0.0:
+        least = min(least, max(FEWEST_REPEATS, LEAST_SECONDS / s.new_usual))
     return max(least, allowed)
 
 

@@ -1,4 +1,4 @@
-"""Model `affine`: B (6, 4) itself, 24 free numbers, `F = A r + F0, T = A_t r + T0` (method, section 4).
+"""Model `affine`: B (6, 4) itself, 24 free numbers, `F = A r + F0, T = A_t r + T0` (method, "The models").
 
 What cannot be a rigid tool, unequal gains or cross-talk, shows here; each axis is a regression of its own.
 """

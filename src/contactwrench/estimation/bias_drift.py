@@ -1,9 +1,8 @@
-"""What poses may have in common: a bias that moved while they were recorded, errors that go with the orientation.
+"""How the bias may have moved while the poses were recorded: not at all, by a step, steadily, warming up, wandering.
 
-Each is a covariance across poses, `strength^2 L L^T` in units of the noise, alike on all axes of a group. A motion of
-the bias is zero at the last pose, so that the constant that is estimated is the LAST bias. Errors of sensor and cable
-are what neighbouring poses have in common: taken for independent they would make a calibration far too sure, as in a
-cone the same error comes with every pose, and what is learned there does not hold elsewhere.
+A sensor warms up; a driver zeroes it half-way. Each motion is a covariance across poses, `strength^2 L L^T` in units of
+the noise, zero at the last pose, so that the constant that is estimated is the LAST bias. Nothing is chosen here: every
+motion has a prior probability, and the answer is the mean over all of them by evidence.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
-from ..model import gravity_in_flange
 from .outliers import LEVEL_SHARE
 
 STRENGTHS = np.geomspace(1.0, 1000.0, 7)
@@ -28,10 +26,7 @@ noise, and would count several times.
 """
 STRENGTHS_OF_MANY = STRENGTHS[STRENGTHS < MOST_OF_MANY]
 
-ODDS = {
-    **{Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.4, Kind.BIAS_STEPPED: 0.09},
-    **{Kind.GAIN: 0.4, Kind.CREEP: 0.2, Kind.CABLE: 0.2},
-}
+ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.4, Kind.BIAS_STEPPED: 0.09}
 """Before the readings, against a steady bias and independent errors; of a step, that it happened anywhere."""
 
 ROWS_IN_ORDER = 0.5
@@ -55,9 +50,6 @@ MOST_POSES = 400
 
 SMOOTH = 32
 """Columns of a walk: what is left out has a thousandth of its variance."""
-
-FIELD_LENGTH, MOST_WITH_CABLE = 0.5, 100
-"""rad over which the pull of a cable changes; with more poses, taken on the way most often, none is looked for."""
 
 FEWEST_POSES, FEWEST_IN_ANY_ORDER = 3, 5
 """Of so many nothing is looked for; without times there are more ways for what is left of few."""
@@ -145,25 +137,6 @@ def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float
     each += [float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places)))] * (len(places) - 1)
     each.append(float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places) * ONLY_THE_LAST)))
     return drifts, each
-
-
-def orientation_errors(
-    R_base_flange: Array, gravity_direction: Array, in_order: bool
-) -> tuple[list[Drift], list[float]]:
-    """Errors of sensor and cable that poses may have by their orientation, and the logarithm of the odds of each: gain
-    and cross-talk, creep, a cable; `in_order`: poses are known to be.
-    """
-    r = gravity_in_flange(R_base_flange, gravity_direction)
-    drifts = [Drift(Kind.GAIN, r), Drift(Kind.CREEP, np.diff(-r, axis=0, prepend=-r[:1]))]
-    odds = [ODDS[Kind.GAIN], ODDS[Kind.CREEP] * (1.0 if in_order else ROWS_IN_ORDER)]
-    if len(r) <= MOST_WITH_CABLE:
-        flat = R_base_flange.reshape(-1, 9)
-        chord = np.maximum(6.0 - 2.0 * flat @ flat.T, 0.0)  # ||R_i - R_j||^2, about twice the squared angle
-        values, vectors = np.linalg.eigh(np.exp(-chord / (4.0 * FIELD_LENGTH**2)))
-        seen = values > 1e-6 * values[-1]
-        drifts.append(Drift(Kind.CABLE, vectors[:, seen] * np.sqrt(values[seen])))
-        odds.append(ODDS[Kind.CABLE])
-    return drifts, np.log(odds).tolist()
 
 
 def kernels_of(n: int, drifts: list[Drift], log_prior: list[float], steady: bool = True) -> Kernels:

@@ -15,7 +15,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import likely_unit
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
 from ..samples.creep import Creep
-from ..samples.delay import is_significant
+from ..samples.delay import TWO_CLOCKS, is_significant
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.recorded_poses import RecordedPoses
 from ..samples.samples import Samples, spikes
@@ -37,8 +37,6 @@ sheet promises a better gain.
 """
 LATE, TURNING = 0.01, float(np.deg2rad(60.0))
 """s that do not matter, and rad/s of an arm at work."""
-TWO_CLOCKS = 0.25
-"""s: no filter, no bus and no driver are so late: a filter of first order at 1 Hz is by 0.16."""
 MOST_CREEP = 0.5
 """Share of a change of load: of sensors 0.2 is much; lost rows and clocks that stepped read as 0.6 to 1.8."""
 

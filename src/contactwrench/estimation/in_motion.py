@@ -62,6 +62,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     told = samples.position is not None or samples.accelerometer is not None
     if samples.t is not None and told and not is_stream(samples):
         raise _at_rest(samples, 0.0)
+    own = samples.delay, samples.delay_std  # as the motion was aligned, whatever an earlier calibration knew
     followed = _followed(calibration, as_stamped(samples), stated, _applied(samples))
     samples, motion, moments, found, accelerometer, late = followed
     tool, mass = tool_of(calibration), float(calibration.mass or 0.0)
@@ -92,9 +93,8 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         seconds=moments.seconds,
         accelerometer=accelerometer,
     )
-    complete = replace(calibration, requested_model="dynamic", dynamics=dynamics)
-    if late is not None:
-        complete = replace(complete, delay=late, delay_std=found.late.std)
+    delay, delay_std = own if late is None else (late, found.late.std)
+    complete = replace(calibration, requested_model="dynamic", dynamics=dynamics, delay=delay, delay_std=delay_std)
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
     read = 1.0 if samples.accelerometer is None else float(np.isfinite(samples.accelerometer).all(axis=1).mean())
     said = [*of_motion(found, tool.weight, stated, untold, moved_by, dynamics, moments.most, read)]

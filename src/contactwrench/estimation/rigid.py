@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, response, response_jacobian
-from .bias_drift import kernels_of, orientation_errors, possible_drifts
+from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .noise import NoiseModel, PoseReadings, relative_variances
+from .orientation_errors import orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
 from .priors import Question, tool_of

@@ -41,6 +41,7 @@ FEWEST = 10
 RIGHT = 0.5
 """Of the part by which a rate is off: within it, it is right again. One at the limit is not said over and over so."""
 
+SEQUENCE = (tuple, list)
 NOTHING = (0.0,)
 """Read by a device that has no wrench, or no orientation."""
 
@@ -87,8 +88,7 @@ class Intake:
 
     def take(self, batch: Batch) -> list[tuple[float, Sample]]:
         """Samples with the times at which they were taken. Raises `InputError` for what is no batch of samples."""
-        if self.samples == 0:
-            _require_samples(batch, self.uri)
+        _require_samples(batch, self.uri)
         for note in batch.notes:
             self.lost += note.number if note.kind is NoteKind.LOST else 0
             self.repeated += note.number if note.kind in (NoteKind.REPEATED, NoteKind.DISORDERED) else 0
@@ -200,12 +200,13 @@ def _require_samples(batch: Batch, uri: str) -> None:
     """Raise `InputError`: programs of others feed a session, too, and err in all samples alike."""
     if not isinstance(batch, Batch):
         raise InputError(f"{uri}: found {type(batch).__name__}, expected a Batch: Batch([Sample(arrival, wrench=...)])")
-    for sample in batch.samples[:1]:
-        for name, size in (("wrench", 6), ("orientation", 4), ("position", 3)):
-            value = getattr(sample, name)
-            if value is not None and not (isinstance(value, tuple | list) and len(value) == size):
-                found = f"{uri}: found {name} as {type(value).__name__} of {np.size(value)}"
-                raise InputError(f"{found}, expected a tuple of {size}, as tuple({name}.tolist())")
+    if not batch.samples:
+        return
+    _, _, wrench, orientation, position, *_ = batch.samples[0]
+    for name, value, size in (("wrench", wrench, 6), ("orientation", orientation, 4), ("position", position, 3)):
+        if value is not None and not (isinstance(value, SEQUENCE) and len(value) == size):
+            found = f"{uri}: found {name} as {type(value).__name__} of {np.size(value)}"
+            raise InputError(f"{found}, expected a tuple of {size}, as tuple({name}.tolist())")
 
 
 def _broken(sample: Sample) -> str:

@@ -1,8 +1,9 @@
 """Two pushes by hand, each in a known direction: what free air cannot tell, the sign of the readings, one push can.
 
-Negated readings of a robot that stands are those of a robot that hangs from the ceiling (method, section 4b): the poses
-tell the sensor's axes up to that choice. A push towards the flange's +x reads along the sensor's image of that axis
-with one sign, and against it with the other; a push down, along the weight, checks frame and orientation in both.
+Negated readings of a robot that stands are those of a robot that hangs from the ceiling: the poses tell the sensor's
+axes up to that choice (method, "What free-air data cannot tell"). A push towards the flange's +x reads along the
+sensor's image of that axis with one sign, and against it with the other; a push down, along the weight, checks frame
+and orientation in both.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ OF_BAGS = ("wrench_topic", "pose_topic", "frames", "robot")
 OF_MEANING = ("sign", "wrench_frame", "inverse_orientation")
 """What the numbers mean, in a file of any kind."""
 
-TEXTS = ("orientation", "wrench_columns", "time_column", "units", "hdf5", "wrench_topic", "pose_topic", "robot", "imu")
+TEXTS = ("orientation", "wrench_columns", "time_column", "units", "hdf5", "wrench_topic", "pose_topic", "base_frame")
 """Options that a program may give as something else, where the command line gives a text."""
 
 ACCEPT_FLAG = "--accept-damaged"
@@ -60,6 +60,8 @@ class Options(Naming):
             isinstance(self.episode, bool) or not isinstance(self.episode, int | np.integer)
         ):
             raise InputError(f"episode is {self.episode!r}, expected a whole number: read one at a time")
+        if isinstance(self.frames, str):
+            raise InputError(f"frames is {self.frames!r}, expected two: write ('base', 'flange')")
         for name in TEXTS:
             if not isinstance(value := getattr(self, name), str | None):
                 flag = name.replace("_", "-")

@@ -22,6 +22,8 @@ from .timestamps import require_common_span, require_times
 DOWN = (0.0, 0.0, -1.0)
 SIGNIFICANT = 3.0
 """Standard deviations from zero."""
+TWO_CLOCKS = 0.25
+"""s: no filter, no bus and no driver are so late: a filter of first order at 1 Hz is by 0.16."""
 LEAST_TURN = np.deg2rad(2.0)
 """Between the orientations that differ most: less does not show when the wrench follows."""
 LEAST_MEANS = 60
@@ -241,9 +243,9 @@ def _with_delay(samples: Samples, delay: Delay) -> Samples:
 
 def with_known_delay(samples: Samples, delay: float | None, std: float | None) -> Samples:
     """Samples whose delay (s) was known before: the mean of both by how well each is known, and the samples' own where
-    they do not agree; None, or infinite: it was not.
+    they do not agree; None, or infinite: it was not. That of two clocks was of one recording alone.
     """
-    if delay is None or std is None or not np.isfinite(std):
+    if delay is None or std is None or not np.isfinite(std) or abs(delay) > TWO_CLOCKS:
         return samples
     own, own_std = samples.delay, samples.delay_std
     if own is None or own_std is None or not np.isfinite(own_std):
