@@ -261,12 +261,13 @@ def _tested(a: CalibrationFields, b: CalibrationFields) -> tuple[GroupChange, ..
 
 
 def _dof_behind(c: CalibrationFields, part: Array) -> float:
-    """Degrees of freedom of the least known of the parameters that a part (k, p) rests on; of what a motion told, and
-    where each has none of its own, those of the calibration.
+    """Degrees of freedom of the least known of the parameters that a part (k, p) rests on: weight, com and bias. Of
+    rotations, which priors hold and no poses, of what a motion told, and where no parameter has its own, those of the
+    calibration.
     """
     of = c.parameter_dof
     rests_on = np.flatnonzero(part.any(axis=0))
-    if of is None or not len(rests_on) or rests_on[-1] >= len(of):
+    if of is None or not len(rests_on) or rests_on[-1] >= len(LINEAR_PARAMETERS):
         return c.dof
     return float(of[rests_on].min())
 

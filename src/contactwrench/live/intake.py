@@ -23,8 +23,7 @@ SILENT, PERIODS = 0.25, 6.0
 BACKLOG = 0.5
 """s after a device is there in which it may send what it had kept."""
 LOOK_EVERY = 0.02
-"""s from one look at the device to the next: a turn of the session may be one sample, of whose 130 us two looks were 22.
-"""
+"""s from one look at the device to the next: of the 130 us of a turn with one sample two looks were 22."""
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
 GAP = 3.0

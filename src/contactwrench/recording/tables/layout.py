@@ -30,7 +30,6 @@ NO_UNIT = ("", "-", "1")
 MOST_REMARKS, FEWEST_NUMBERS = 50, 6
 """Rows above the header; and numbers in a row, a wrench at least."""
 
-NO_COMMENT = ("#N/A", "%,", "%;", "%\t")
 COLUMN_OF = {"force": "fx", "torque": "tx", "time": "t", "angle": "roll", "length": "x"}
 USUAL = ("N", "N m", "s", "deg", "m")
 """Columns by which a unit is shown, and the units of those that state none."""
@@ -183,11 +182,11 @@ def _numbers_in(row: Sequence[str]) -> int:
 
 
 def is_row(line: str) -> bool:
-    """Whether a line is neither blank nor a comment, with `#` or MATLAB's `%`; a spreadsheet's `#N/A` is none, nor is a
-    `%` alone, a unit.
+    """Whether a line is neither blank nor a comment, with `#` or MATLAB's `% `; a spreadsheet's `#N/A` is none, nor is
+    rostopic's `%time`.
     """
     start = line.lstrip()
-    return bool(start) and (start[0] not in "#%" or start.startswith(NO_COMMENT))
+    return bool(start) and (start[0] != "#" or start.startswith("#N/A")) and not start.startswith("% ")
 
 
 def cells(line: str, separator: str, row: int, source: str) -> list[str]:

@@ -201,7 +201,8 @@ def _without_codes(wrench: Array, columns: Sequence[Column]) -> Array:
     """Readings (n, k), NaN where a file has a code for none: nines alone, of either sign, far beyond all other numbers
     of the column, and in fewer than half of its rows.
     """
-    written = np.abs(wrench * np.array([column.per_si for column in columns]))
+    with np.errstate(over="ignore"):
+        written = np.minimum(np.abs(wrench * np.array([column.per_si for column in columns])), 10.0 * CODES[-1])
     if not (written >= CODES[0] - 0.5).any():
         return wrench
     is_code = np.isin(np.rint(written), CODES) & (np.abs(written - np.rint(written)) < 1e-6)
