@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.estimation.hypotheses import ANY_BASE, ANY_MOUNTING, hypotheses_of
 from contactwrench.estimation.noise import ALIKE, APART, AXES, stated_noise
 from contactwrench.estimation.priors import Question
-from contactwrench.estimation.problem import ANY_BASE, ANY_MOUNTING, hypotheses_of
 from tests.support.poses import POSE_SETS
 from tests.support.rigs import NOISE, example
 from tests.support.world import DOWN, Array, noisy_readings, random_rotations, readings

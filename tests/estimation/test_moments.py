@@ -8,11 +8,12 @@ import pytest
 from contactwrench.calibration.findings import Kind
 from contactwrench.estimation.bias_drift import Drift, Kernels, kernels_of, possible_drifts
 from contactwrench.estimation.error_covariance import precision_diagonal, precision_times
+from contactwrench.estimation.hypotheses import Hypothesis
 from contactwrench.estimation.least_squares import Members, Priors, gram, moments_of, solved
 from contactwrench.estimation.noise import ALIKE, APART, NoiseModel, StatedNoise
 from contactwrench.estimation.posterior import deleted_errors
 from contactwrench.estimation.priors import PriorRows, Question
-from contactwrench.estimation.problem import Hypothesis, Problem
+from contactwrench.estimation.problem import Problem
 from contactwrench.estimation.tables import Table, settled
 from contactwrench.model import PARAMETERS, RigidTool
 from tests.support.rigs import NOISE, example

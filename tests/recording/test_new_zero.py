@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
+from tests.support.recordings import MATRIX, WRENCH, Run, csv_text, run, written
 from tests.support.rigs import example
 from tests.support.world import Array, Rig, noisy_readings, random_rotations
 
@@ -38,8 +38,16 @@ def episode(seed: int, bias: Array, moves_from: int = REST) -> Array:
     return np.column_stack([np.arange(N) / RATE, wrench, R.reshape(N, 9)])
 
 
-def left(path: Path) -> Array:
-    table = np.genfromtxt(path, delimiter=",", names=True)
+def compensated(folder: Path, capsys: Capture, rows: Array, *more: str) -> Run:
+    """A table of `episode` rows, a set where there is a column more, through the program into `out.csv`."""
+    tool()[1].save(folder / "tool.json")
+    header = ("t", *WRENCH, *MATRIX, "episode_index")[: rows.shape[1]]
+    path = written(folder, csv_text(header, rows), "run.csv")
+    return run(capsys, "compensate", path, "-c", folder / "tool.json", "-o", folder / "out.csv", "--force", *more)
+
+
+def left(folder: Path) -> Array:
+    table = np.genfromtxt(folder / "out.csv", delimiter=",", names=True)
     return np.column_stack([table[axis] for axis in AXES])
 
 
@@ -47,50 +55,26 @@ def left(path: Path) -> Array:
 def test_the_bias_of_a_recording_is_that_of_its_first_second(
     tmp_path: Path, capsys: Capture, judged: tuple[str, ...]
 ) -> None:
-    tool()[1].save(tmp_path / "tool.json")
-    path = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), episode(1, SHIFT)), "run.csv")
-    arguments: tuple[str | Path, ...] = (
-        "compensate",
-        path,
-        "-c",
-        tmp_path / "tool.json",
-        "-o",
-        tmp_path / "out.csv",
-        *judged,
-    )
-    assert run(capsys, *arguments).status == 0
-    assert left(tmp_path / "out.csv")[REST:].mean(axis=0) == pytest.approx(SHIFT, abs=0.1)
-    assert run(capsys, *arguments, "--force", "--zero", "1").status == 0
-    assert np.abs(left(tmp_path / "out.csv")[REST:].mean(axis=0) / NOISE).max() < 1.0
+    assert compensated(tmp_path, capsys, episode(1, SHIFT), *judged).status == 0
+    assert left(tmp_path)[REST:].mean(axis=0) == pytest.approx(SHIFT, abs=0.1)
+    assert compensated(tmp_path, capsys, episode(1, SHIFT), *judged, "--zero", "1").status == 0
+    assert np.abs(left(tmp_path)[REST:].mean(axis=0) / NOISE).max() < 1.0
 
 
 def test_each_of_a_set_has_its_own(tmp_path: Path, capsys: Capture) -> None:
-    tool()[1].save(tmp_path / "tool.json")
-    rows = [np.column_stack([episode(k, k * SHIFT), np.full(N, k)]) for k in range(SETS)]
-    path = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX, "episode_index"), np.vstack(rows)), "set.csv")
-    arguments: tuple[str | Path, ...] = (
-        "compensate",
-        path,
-        "-c",
-        tmp_path / "tool.json",
-        "-o",
-        tmp_path / "out.csv",
-        "--all-episodes",
-    )
-    done = run(capsys, *arguments, "--contact", "--noise", "0.05", "--zero", "1.2")
+    rows = np.vstack([np.column_stack([episode(k, k * SHIFT), np.full(N, k)]) for k in range(SETS)])
+    done = compensated(tmp_path, capsys, rows, "--all-episodes", "--contact", "--noise", "0.05", "--zero", "1.2")
     assert done.status == 0, done.err
     assert "no contact" in done.out + done.err
-    assert np.abs(left(tmp_path / "out.csv").reshape(SETS, N, 6).mean(axis=1) / NOISE).max() < 1.0
+    assert np.abs(left(tmp_path).reshape(SETS, N, 6).mean(axis=1) / NOISE).max() < 1.0
 
 
-def test_a_beginning_that_moves_is_no_zero(tmp_path: Path, capsys: Capture) -> None:
-    tool()[1].save(tmp_path / "tool.json")
-    path = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), episode(2, SHIFT, moves_from=0)), "run.csv")
-    refused = run(capsys, "compensate", path, "-c", tmp_path / "tool.json", "--zero", "1")
-    assert refused.status != 0
-    assert refused.complaint == (
+def test_a_beginning_that_moves_or_is_short_is_no_zero(tmp_path: Path, capsys: Capture) -> None:
+    moving, path = episode(2, SHIFT, moves_from=0), tmp_path / "run.csv"
+    assert compensated(tmp_path, capsys, moving, "--zero", "1").complaint == (
         f"{path}, its first 1 s: no new zero: the arm turns by 56 deg in these samples, expected at most 0.2; hold it "
         "still"
     )
-    few = run(capsys, "compensate", path, "-c", tmp_path / "tool.json", "--zero", "0.1")
-    assert few.complaint == (f"{path}, its first 0.1 s: no new zero: found 5 samples, expected at least 10 at rest")
+    assert compensated(tmp_path, capsys, moving, "--zero", "0.1").complaint == (
+        f"{path}, its first 0.1 s: no new zero: found 5 samples, expected at least 10 at rest"
+    )

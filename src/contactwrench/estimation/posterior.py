@@ -15,8 +15,9 @@ from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import RigidTool, wrench_jacobian
 from .bias_drift import Drift, kernels_of
+from .hypotheses import Hypothesis
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
-from .problem import Hypothesis, Problem
+from .problem import Problem
 from .robot_errors import turns_across_gravity
 from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, settled, settled_beside, table_at
 

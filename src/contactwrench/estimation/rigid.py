@@ -15,13 +15,14 @@ from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, response, response_jacobian
 from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate
+from .hypotheses import WIDTHS, Hypothesis, hypotheses_of
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .noise import NoiseModel, PoseReadings, relative_variances
 from .orientation_errors import orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
 from .priors import Question, tool_of
-from .problem import WIDTHS, Hypothesis, Problem, hypotheses_of
+from .problem import Problem
 from .robot_errors import turns_of_robot
 from .tables import Table, near_kernels, settled, table_at
 

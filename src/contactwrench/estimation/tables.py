@@ -17,9 +17,10 @@ from ..geometry.arrays import Array
 from ..model import RigidTool, response, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
 from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned
+from .hypotheses import Hypothesis
 from .least_squares import Members, Priors, gram, moments_of, solved
 from .outliers import log_density_outlying, log_prior_outlying
-from .problem import Hypothesis, Problem
+from .problem import Problem
 from .robot_errors import ODDS, likely_with, turns_across_gravity
 from .variance_components import Linear, members_of
 

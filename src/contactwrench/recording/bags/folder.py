@@ -12,7 +12,8 @@ from typing import Any
 
 from ...errors import FileFormatError
 from ...files import entries
-from .chunks import ZSTD, Damage, Logged, Source
+from .chunks import ZSTD, Logged, Source
+from .damage import Damage
 from .message_layout import joined, written
 
 METADATA = "metadata.yaml"

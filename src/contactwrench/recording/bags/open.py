@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from ...errors import ContactWrenchError, FileAccessError, FileFormatError, of_extra
 from ...files import entries, open_bytes
 from ...geometry.arrays import Array
-from .chunks import Connection, Damage, Logged, Source, Topic
+from .chunks import Connection, Logged, Source, Topic
+from .damage import Damage
 from .folder import METADATA, PackedMessages, files_of, hold, metadata, unpacked
 from .mcap import Mcap
 from .message_layout import Fields, types_defined, typestore, written

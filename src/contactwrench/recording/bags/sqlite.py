@@ -21,7 +21,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...errors import FileFormatError
-from .chunks import AT_ONCE, LOG, Connection, Damage, Logged, Topic
+from .chunks import AT_ONCE, LOG, Connection, Logged, Topic
+from .damage import Damage
 from .message_layout import joined
 
 SAFE = ("trusted_schema = OFF", "query_only = ON", "cell_size_check = ON")
