@@ -11,6 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.errors import InputError
+from tests.support.bags import pose_stamped, wrench_stamped, write_mcap
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.world import Array
 
@@ -124,6 +126,39 @@ def test_a_pose_of_nines_is_none_and_one_that_reads_as_much_as_others_is(tmp_pat
         header = [*(f"{axis}_{unit}" for axis in WRENCH[:3]), *WRENCH[3:], *MATRIX]
         samples = cw.read(written(tmp_path, csv_text(header, table)))
         assert len(samples) == len(R) - (unit == "N"), unit
+
+
+@pytest.mark.parametrize(("code", "row", "axis"), [(-9999.0, 3, 2), (99999.0, 0, 5)])
+def test_arrays_with_a_code_are_refused_by_sample(code: float, row: int, axis: int) -> None:
+    _, wrench, R = (each[50::STOP] for each in recorded(3))
+    wrench[row, axis] = code
+    with pytest.raises(InputError) as error:
+        cw.Samples(wrench, R)
+    found = f"wrench in sample {row} is {code:g}, which stands for no reading: leave such samples out"
+    assert str(error.value) == found
+
+
+def test_arrays_of_a_sensor_that_reads_as_much_are_taken() -> None:
+    _, wrench, R = (each[50::STOP] for each in recorded(3))
+    wrench[:, 2] += 2500.0
+    wrench[4, 2] = 9999.0
+    assert cw.Samples(wrench, R).wrench[4, 2] == 9999.0
+
+
+def test_a_bag_with_codes_is_calibrated_as_without_those_readings(tmp_path: Path, capsys: Capture) -> None:
+    t, wrench, R = recorded(3)
+    found = []
+    for name, value in (("code", -9999.0), ("nan", np.nan)):
+        lacking = wrench.copy()
+        lacking[LACK, 2] = value
+        messages = [pose_stamped(when, each, np.zeros(3)) for when, each in zip(t, R, strict=True)]
+        messages += [wrench_stamped(when, each) for when, each in zip(t, lacking, strict=True)]
+        bag = write_mcap(tmp_path / f"{name}.mcap", messages)
+        done = run(capsys, "calibrate", bag, "-o", tmp_path / f"{name}.json")
+        assert done.status == 0, done.err
+        assert "8 readings that are not numbers left out" in done.err
+        found.append(cw.Calibration.load(tmp_path / f"{name}.json"))
+    assert found[0].weight == found[1].weight == pytest.approx(WEIGHT, abs=0.1)
 
 
 @pytest.mark.parametrize("channels", [[2], list(range(6))])

@@ -21,6 +21,8 @@ ReadAs: TypeAlias = Mapping[str, str | int]
 
 LARGEST_READING = READING.most
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
+CODES, CODE_BEYOND = 10.0 ** np.arange(3, 10) - 1.0, 5.0
+"""What stands for no number, 999 to 999999999; and times the largest other number of its column."""
 LONGEST_CHANCE, TIMES_USUAL, ALIVE = 20, 4.0, 0.1
 """Readings in a row at the very largest or smallest value, of which fewer may be chance, or a coarse converter; and as
 many times any other run in which that channel does not move.
@@ -62,8 +64,8 @@ class Samples(Rows):
         notes: what was done and left out as a file was read, a sentence each.
 
     Raises:
-        InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a time or a load that nobody
-            could mean.
+        InputError: a wrong shape, a NaN, a number that stands for none (-9999), a reading beyond `LARGEST_READING`, no
+            rotation, a time or a load that nobody could mean.
     """
 
     wrench: Array = field(metadata=column(6))
@@ -95,6 +97,10 @@ class Samples(Rows):
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
         for name, within in ranges.items():
             _require_within(name, getattr(self, name), within)
+        if (codes := stands_for_none(self.wrench)).any():
+            row, axis = (int(place) for place in np.argwhere(codes)[0])
+            found = f"wrench in sample {row} is {self.wrench[row, axis]:g}, which stands for no reading"
+            raise InputError(f"{found}: leave such samples out", row)
         latest = 0.0 if self.t is None else float(self.t.max(initial=0.0))
         if (per_s := per_second(latest)) > 1.0:
             raise InputError(f"t is up to {latest:.6g}, a time since 1970, expected s: divide it by {per_s:,.0f}")
@@ -132,7 +138,8 @@ class WrenchStream(Rows):
 
     Args:
         t: stamps (n,), s, in the order in which the readings were recorded.
-        wrench: readings (n, 6), N and N m, sensor axes, pull sign; a NaN is a sample that is there and says nothing.
+        wrench: readings (n, 6), N and N m, sensor axes, pull sign; a NaN, as what stands for one becomes, is a sample
+            that is there and says nothing.
         source: where it comes from, in words.
         load_mass: hung on the tool (n,), kg, where it was recorded.
         saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
@@ -150,6 +157,8 @@ class WrenchStream(Rows):
     def __post_init__(self) -> None:
         super().__post_init__()
         _require_within("wrench", np.where(np.isfinite(self.wrench), self.wrench, 0.0), READING)
+        if (codes := stands_for_none(self.wrench)).any():
+            object.__setattr__(self, "wrench", read_only(np.where(codes, np.nan, self.wrench)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,6 +206,20 @@ class Streams(Frozen):
             parts[0].read_as,
             parts[-1].damage,
         )
+
+
+def stands_for_none(written: Array) -> NDArray[np.bool_]:
+    """Which of the numbers (n, k), as they were written, stand for no reading: nines alone, of either sign, far beyond
+    all other numbers of the column, and in fewer than half of its rows.
+    """
+    is_code: NDArray[np.bool_] = np.abs(written) >= CODES[0] - 0.5
+    if not is_code.any():
+        return is_code
+    with np.errstate(over="ignore"):
+        size = np.minimum(np.abs(written), 10.0 * CODES[-1])
+    is_code = np.isin(np.rint(size), CODES) & (np.abs(size - np.rint(size)) < 1e-6)
+    largest = np.max(np.where(is_code | np.isnan(size), 0.0, size), axis=0)
+    return is_code & (size > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5)
 
 
 def at_limit(wrench: Array) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
 from ...geometry.ranges import LOAD_KG, TIME, per_second
-from ...samples.samples import LARGEST_READING, ReadAs
+from ...samples.samples import LARGEST_READING, ReadAs, stands_for_none
 from ...statistics import counted
 from . import csv, hdf5, parquet
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, unheard, with_slices
@@ -28,8 +28,6 @@ from .roles import roles_of
 from .units import ANGLE
 
 SUFFIXES = (*csv.SUFFIXES, *parquet.SUFFIXES, *hdf5.SUFFIXES)
-CODES, CODE_BEYOND = 10.0 ** np.arange(3, 10) - 1.0, 5.0
-"""What stands for no number in files, 999 to 999999999; and times the largest other number of its column."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +172,9 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     parts = in_si(body, (roles.t, of_wrench, of_pose), may_lack)
     t, with_wrench, with_pose = parts
     wrench, load, saturated = np.split(with_wrench, np.cumsum([len(roles.wrench), len(roles.load)]).tolist(), axis=1)
-    wrench = _without_codes(wrench, roles.wrench)
+    per_si = np.array([column.per_si for column in roles.wrench])
+    with np.errstate(over="ignore"):
+        wrench = np.where(stands_for_none(wrench * per_si), np.nan, wrench)
     has_wrench = _rows_there(body, of_wrench, with_wrench, len(roles.wrench), may_be_half=True)
     limit = f"at most {LARGEST_READING:g} N or N m"
     _require(~(np.abs(wrench) > LARGEST_READING), wrench, roles.wrench, body, limit)
@@ -195,20 +195,6 @@ def in_si(body: Body, groups: Sequence[Sequence[Column]], may_lack: Sequence[Col
     columns = [column for group in groups for column in group]
     values = body.numbers(columns, may_lack) / np.array([column.per_si for column in columns])
     return np.split(values, np.cumsum([len(group) for group in groups])[:-1].tolist(), axis=1)
-
-
-def _without_codes(wrench: Array, columns: Sequence[Column]) -> Array:
-    """Readings (n, k), NaN where a file has a code for none: nines alone, of either sign, far beyond all other numbers
-    of the column, and in fewer than half of its rows.
-    """
-    with np.errstate(over="ignore"):
-        written = np.minimum(np.abs(wrench * np.array([column.per_si for column in columns])), 10.0 * CODES[-1])
-    if not (written >= CODES[0] - 0.5).any():
-        return wrench
-    is_code = np.isin(np.rint(written), CODES) & (np.abs(written - np.rint(written)) < 1e-6)
-    largest = np.max(np.where(is_code | np.isnan(written), 0.0, written), axis=0)
-    is_code &= (written > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5)
-    return np.where(is_code, np.nan, wrench)
 
 
 def _rows_there(
