@@ -172,7 +172,8 @@ def test_a_table_with_times_and_one_without(tmp_path: Path, capsys: pytest.Captu
         "  wrench: found no column fy, expected fx fy fz tx ty tz and an orientation: add it, or name the six with "
         "--wrench-columns A,B,C,D,E,F (found fx, note)\n  orientation: found no orientation columns, expected qx qy qz "
         "qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename them, or --orientation "
-        "NAME:COLUMNS (found fx, note)\n  times: found none: add a column t, or name one with --time-column\n"
+        "NAME:COLUMNS (found fx, note)\n  times: found none: add a column t, name one with --time-column, or state "
+        "--rate HZ\n"
     )
     milliseconds = written(tmp_path, "t_ms\n0\n10\n20\n", "ms.csv")
     found = table_contents(milliseconds).rhythm

@@ -160,7 +160,8 @@ def test_a_table_without_times_has_no_gaps_and_is_no_stream(tmp_path: Path) -> N
         f"{path}: row 3, column qx: found nothing, expected a number: fill it in or leave the row out"
     )
     assert refusal(written(tmp_path, f"{header}\n1,2,3,4,5,6,0,0,0,1\n")) == (
-        "found no column t, expected the time of each row of a recording: add it, or use the file as a table of poses"
+        "found no column t, expected the time of each row of a recording: add it, or say --rate HZ, or use the file as "
+        "a table of poses"
     )
 
 

@@ -14,7 +14,7 @@ import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..geometry.ranges import EPISODE
+from ..geometry.ranges import EPISODE, RATE
 from ..recording.options import Options
 from ..samples.samples import Samples
 from . import options
@@ -41,6 +41,7 @@ OF_TABLE: dict[str, Any] = {
     "units": _text("force=U,torque=U", "Of a table: units that no name states, as torque=Nmm."),
     "hdf5": _text("wrench=/PATH,pose=/PATH,time=/PATH", "Of an HDF5 file: which datasets hold what.", "--hdf5"),
     "episode": Annotated[int | None, options.number(EPISODE, "N", "Of a set of recordings: which one.")],
+    "rate": Annotated[float | None, options.number(RATE, "HZ", "Of a table without times: rows in a second.")],
 }
 OF_MEANING: dict[str, Any] = {
     "orientation": options.Orientation,

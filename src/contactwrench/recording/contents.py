@@ -27,7 +27,7 @@ from .tables.roles import time_columns, wrench_columns
 from .tables.table import in_seconds, in_si, open_set
 
 HEADER = "std_msgs/msg/Header"
-NO_TIMES = "found none: add a column t, or name one with --time-column"
+NO_TIMES = "found none: add a column t, name one with --time-column, or state --rate HZ"
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ import numpy as np
 
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
+from ..geometry.ranges import RATE
 from ..samples.samples import ReadAs
 from .tables.columns import Naming
 from .tables.table import Table
 
-OF_TABLES = ("orientation", "wrench_columns", "time_column", "units", "hdf5", "episode")
+OF_TABLES = ("orientation", "wrench_columns", "time_column", "units", "hdf5", "episode", "rate")
 OF_BAGS = ("wrench_topic", "pose_topic", "frames", "robot")
 """Options that only one of the kinds has."""
 
@@ -60,6 +61,8 @@ class Options(Naming):
             isinstance(self.episode, bool) or not isinstance(self.episode, int | np.integer)
         ):
             raise InputError(f"episode is {self.episode!r}, expected a whole number: read one at a time")
+        if self.rate is not None:
+            RATE.require(self.rate, "rate")
         if isinstance(self.frames, str):
             raise InputError(f"frames is {self.frames!r}, expected two: write ('base', 'flange')")
         for name in TEXTS:

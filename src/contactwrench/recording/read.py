@@ -189,6 +189,7 @@ def read(
     units: str | None = None,
     hdf5: str | None = None,
     episode: int | None = None,
+    rate: float | None = None,
     base_frame: str | None = None,
     accept_damaged: bool = False,
     imu: str | None = None,
@@ -213,6 +214,7 @@ def read(
         units: of columns whose names do not say, "force=kgf,torque=Nmm".
         hdf5: which datasets of an HDF5 file, "wrench=/path,pose=/path,time=/path".
         episode: which one of a set of recordings.
+        rate: Hz, of the rows of a table without times, of which these are made.
         base_frame: name of the frame in which the orientations are; None: what a bag, or the robot, says.
         accept_damaged: read what is left of a damaged bag; else it is refused.
         imu: an accelerometer on the tool: a topic of the bag, a table, or three columns "ax,ay,az" of the table.
@@ -226,10 +228,28 @@ def read(
         InputError: the arguments do not fit the kind of file.
         MissingExtraError: a package that this kind of file needs is not installed.
     """
-    of_table, notes = (orientation, wrench_columns, time_column, units, hdf5, episode), list[str]()
-    axes, of_bag = (wrench_frame, sign, inverse_orientation), (wrench_topic, pose_topic, frames, robot)
-    options = *of_table, *axes, *of_bag, None if pose_file is None else Path(pose_file), base_frame, accept_damaged, imu
-    samples = read_samples(path, Options(*options), tell=notes.append)
+    options = Options(
+        orientation=orientation,
+        wrench_columns=wrench_columns,
+        time_column=time_column,
+        units=units,
+        hdf5=hdf5,
+        episode=episode,
+        rate=rate,
+        wrench_frame=wrench_frame,
+        sign=sign,
+        inverse_orientation=inverse_orientation,
+        wrench_topic=wrench_topic,
+        pose_topic=pose_topic,
+        frames=frames,
+        robot=robot,
+        pose_file=None if pose_file is None else Path(pose_file),
+        base_frame=base_frame,
+        accept_damaged=accept_damaged,
+        imu=imu,
+    )
+    notes = list[str]()
+    samples = read_samples(path, options, tell=notes.append)
     return replace(samples, notes=tuple(notes))
 
 
@@ -245,8 +265,8 @@ def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | P
     pose = poses.select(poses.has_orientation)
     if wrench.t is None or pose.t is None:
         raise FileFormatError(
-            f"{name_of(path)}: found no column t, expected the time of each row of a recording: add it, or use the "
-            "file as a table of poses"
+            f"{name_of(path)}: found no column t, expected the time of each row of a recording: add it, or say "
+            "--rate HZ, or use the file as a table of poses"
         )
     try:
         orientation = OrientationStream(pose.t, pose.orientation, pose.position, name_of(pose_path))

@@ -16,7 +16,7 @@ from ..geometry.orientation import nearest_rotations, rotation_matrices
 from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range, per_second
 from ..geometry.wrench import WRENCH_AXES, require_axes
 
-ReadAs: TypeAlias = Mapping[str, str | int]
+ReadAs: TypeAlias = Mapping[str, str | float]
 """How a file was read, by the names of the options of reading."""
 
 LARGEST_READING = READING.most
@@ -212,14 +212,13 @@ def stands_for_none(written: Array) -> NDArray[np.bool_]:
     """Which of the numbers (n, k), as they were written, stand for no reading: nines alone, of either sign, far beyond
     all other numbers of the column, and in fewer than half of its rows.
     """
-    is_code: NDArray[np.bool_] = np.abs(written) >= CODES[0] - 0.5
-    if not is_code.any():
-        return is_code
+    if not (large := np.abs(written) >= CODES[0] - 0.5).any():
+        return np.asarray(large)
     with np.errstate(over="ignore"):
         size = np.minimum(np.abs(written), 10.0 * CODES[-1])
     is_code = np.isin(np.rint(size), CODES) & (np.abs(size - np.rint(size)) < 1e-6)
     largest = np.max(np.where(is_code | np.isnan(size), 0.0, size), axis=0)
-    return is_code & (size > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5)
+    return np.asarray(is_code & (size > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5))
 
 
 def at_limit(wrench: Array) -> NDArray[np.bool_]:

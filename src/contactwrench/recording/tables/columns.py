@@ -51,7 +51,8 @@ class Naming:
 
     `orientation` as of `read`; None: of two files the one with the wrenches. `wrench_columns` "a,b,c,d,e,f" or a
     slice of a list, "observation.wrench[0:6]"; `time_column` "NAME" or "NAME:UNIT"; `units` "force=kgf,torque=Nmm";
-    `hdf5` "wrench=/path,pose=/path,time=/path"; `episode`: which one of a set of recordings.
+    `hdf5` "wrench=/path,pose=/path,time=/path"; `episode`: which one of a set of recordings; `rate` Hz, of the rows of
+    a table without times.
     """
 
     orientation: str | None = "auto"
@@ -60,6 +61,7 @@ class Naming:
     units: str | None = None
     hdf5: str | None = None
     episode: int | None = None
+    rate: float | None = None
 
 
 AS_NAMED = Naming()
@@ -187,6 +189,11 @@ class ColumnRoles:
     def columns(self) -> tuple[Column, ...]:
         """All of them."""
         return *self.t, *self.of_wrench, *self.of_pose
+
+
+def counted_times(rate: float) -> str:
+    """The name of the column of times that a table of so many rows a second is given."""
+    return f"rows at {rate:g} Hz"
 
 
 def taken_for(columns: Sequence[Column]) -> str:

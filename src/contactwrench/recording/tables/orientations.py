@@ -82,6 +82,7 @@ def _perhaps(table: OpenTable) -> str:
         f"{how}:{','.join(there[name] for name in names)}" for how, names in PERHAPS if there.keys() >= set(names)
     ]
     lists = [name.removesuffix("[0]") for name in table.places if name.endswith("[0]")]
+    lists.sort(key=lambda name: name.startswith("next_"))  # robomimic's observation after the action
     perhaps += [
         f"{how}:{name}[0:{n}]"
         for n, conventions in LISTS.items()

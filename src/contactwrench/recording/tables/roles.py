@@ -39,6 +39,7 @@ from .columns import (
     ColumnRoles,
     Naming,
     OpenTable,
+    counted_times,
     listed,
     shown,
 )
@@ -185,6 +186,8 @@ def time_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) 
         InputError: for options that are none.
     """
     units = stated_units(naming.units)
+    if naming.rate is not None and (name := counted_times(naming.rate)) in table.places:
+        return (Column(table.places[name], name, 1.0, "t", "s"),)
     if naming.time_column is not None:
         return _stated_times(table, naming.time_column, units)
     by_usual_name = usual(table, "t", "time")

@@ -20,6 +20,7 @@ from ...samples.samples import LARGEST_READING, ReadAs, stands_for_none
 from ...statistics import counted
 from . import csv, hdf5, parquet
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, unheard, with_slices
+from .counted_times import at_rate
 from .csv import open_csv
 from .episodes import one_episode
 from .hdf5 import is_hdf5, open_hdf5
@@ -89,9 +90,11 @@ class WrittenRows:
 
 def open_table(path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS) -> OpenTable:
     """The columns of a table, and what reads them block by block; of a set of recordings one. Raises
-    `FileAccessError`, `FileFormatError`, and `InputError` for datasets of HDF5 that are stated of another file.
+    `FileAccessError`, `FileFormatError`, and `InputError` for datasets of HDF5 that are stated of another file, and a
+    rate beside times.
     """
-    return one_episode(open_set(path, naming, rows), naming.episode)
+    table = one_episode(open_set(path, naming, rows), naming.episode)
+    return table if naming.rate is None else at_rate(table, naming, naming.rate)
 
 
 def open_set(path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS) -> OpenTable:
