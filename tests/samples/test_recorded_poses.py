@@ -219,7 +219,8 @@ def test_thousands_of_orientations_on_the_way_are_refused_at_once(way: str) -> N
         ) as refusal:
             use(samples)
         assert str(refusal.value).endswith(
-            "expected poses at rest: give the times in a column t, so that the still stretches are found, or give only "
+            "expected poses at rest: give the times in a column t, or state --rate HZ, so that the "
+            "still stretches are found, or give only "
             "rows at rest"
         )
 

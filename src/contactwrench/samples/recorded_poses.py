@@ -187,7 +187,7 @@ def _require_few(samples: Samples, some: Array) -> None:
 def _too_many(samples: Samples, count: int) -> InputError:
     still = "stop for a second or two at each orientation"
     if samples.t is None:
-        still = "give the times in a column t, so that the still stretches are found"
+        still = "give the times in a column t, or state --rate HZ, so that the still stretches are found"
     return InputError(
         f"{samples.source}: found about {count} orientations in {len(samples)} rows, expected poses at rest: {still}, "
         "or give only rows at rest"
