@@ -356,8 +356,26 @@ def test_a_saturated_channel(lost: str) -> None:
     assert batch.valid[:1000].all()
     if lost == "overload":
         assert batch.reason[1000] == f"overload: fz reads {sign * limit:.6g} N, at or beyond its range"
-        assert batch.contact[1050] == 1
-    assert str(batch.reason[1200]).startswith(("overload", "stuck: fz"))
+        assert (batch.contact[1050:] == 1).all()
+    expected = "overload: fz" if lost == "overload" else "stuck: fz"
+    assert all(str(reason).startswith(expected) for reason in batch.reason[1200:])
+
+
+@pytest.mark.parametrize("every", [20, 100])
+def test_single_readings_that_are_lost_do_not_end_the_learning_of_the_bias(every: int) -> None:
+    """So few say nothing of a contact, and a block of 0.1 s without one may not come for hours."""
+    calibration, rig, rng = calibrated(10)
+    R = still(rng, N)
+    wrench = free(rig, R, rng) + 0.2 * NOISE
+    lossy = wrench.copy()
+    lossy[::every] = np.nan
+    learned = []
+    for given in (wrench, lossy):
+        compensator = _compensator(calibration, drift=TYPICAL_DRIFT)
+        compensator.run(given, R, times(N))
+        learned.append(compensator.drift)
+    assert (np.abs(learned[0]) > 0.2 * NOISE).any()
+    assert (np.abs(learned[1] - learned[0]) < 0.1 * NOISE).all()
 
 
 def _held(R: Array, every: int) -> Array:

@@ -74,9 +74,9 @@ def taking(digest: str) -> Callable[..., int]:
                 if now - s.block_time >= BLOCK_SECONDS:
                     end_block(s)
             else:
-                s.spoiled, sample.statistic = True, nan
+                s.spoiled = s.spoiled or not sample.time - s.time < max(s.minimum_duration, 1.5 * s.interval)
                 for k in range(6):
-                    sample.wrench[k] = sample.wrench_std[k] = nan
+                    sample.wrench[k] = sample.wrench_std[k] = sample.statistic = nan
             sample.fault, sample.detail, sample.channel, sample.threshold = fault, detail, channel, s.fire
             sample.said = sample.contact if fault == FINE and sample.events == 0 else ASK
             if sample.events != 0:
