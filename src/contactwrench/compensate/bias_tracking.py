@@ -46,6 +46,8 @@ REMNANT = 0.003
 """Of the largest contact wrench: the std of what a sensor still shows when the contact is over."""
 CREEP, RECOVERY = 0.1, 60.0
 """s: from which on such a remnant creeps, and after which it stays."""
+SETTLED, SETTLED_LATE = 0.5, 2.0
+"""s for which free readings stay the same after a contact, and after a long one, before they teach the bias."""
 SAME_SECONDS = 10.0
 """For which a contact does not change, in sensor axes, before it may be a bias that moved."""
 ALL_CREPT = log(1.0 + RECOVERY / CREEP)
@@ -82,6 +84,7 @@ def start(s: State, mean: Array, covariance: Array, H: Array, between: Array, R_
 def start_anew(s: State, mean: Array, variance: Array, R_base_flange: Array) -> None:
     """From now on the offset is a mean (6,) of free readings with a variance (6,), at the temperature of now."""
     start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros(6), R_base_flange, float(s.time))
+    s.to_settle = 0.0
     if s.first_temperature == s.first_temperature:
         s.first_temperature = s.temperature
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from copy import deepcopy
 from importlib.util import find_spec
 from math import ceil, inf, isnan, nan
@@ -30,11 +31,11 @@ from .inertia import use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import NOTHING_TOLD, TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
 from .shaking import known_motion
-from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State
+from .state import COVARIANCE, ENDED, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
-GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
-"""After a longer gap than both the filters start anew."""
+GAP_SECONDS, GAP_SAMPLES, ANOTHER = 0.1, 5.0, 1.05
+"""After a longer gap than both the filters start anew, and where readings come as many times faster, or slower."""
 DENSEST = 10_000.0
 """Hz: the ring of past orientations and accelerations has room for this many a second."""
 
@@ -48,7 +49,7 @@ class Compensator:
     Args:
         calibration: of the tool and the sensor.
         rate: Hz; None: from the first 25 stamps (`InputError` where a cut-off is too high for it), nothing filtered
-            until then.
+            until then; and from more and more of those that follow, where they have another.
         noise: std (6,) of one sample, N and N m, or one number, N, that stands for as many N m at a lever of 5 cm; or a
             recording (n, 6) at rest or, compensated, of free motion; None: the calibration's `still_noise`, or, where
             it has none, learned from the first second of samples, which are taken for free.
@@ -123,6 +124,7 @@ class Compensator:
         self._use_noise(None)
         if self._rate is not None:
             self._use_rate(self._rate)
+            self._runner.state.stamps_awaited = 0
         vars(self).pop("owner", None)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -266,10 +268,10 @@ class Compensator:
         s = self._runner.state
         if events & ENDED:
             self._last_contact = contact_so_far(s, self._noise, float(s.release))
-        if events & RATE_FOUND:
-            s.stamps = 0  # looked for again where no filter takes this rate
-            self._use_rate(len(s.intervals) / float(np.sum(s.intervals)))
-            s.fresh = WHOLLY
+        if events & RATE_FOUND and not 1.0 / ANOTHER < s.rate_found * s.interval < ANOTHER:
+            with suppress(*(InputError,)[: int(s.interval < inf)]):  # a loop that runs goes on
+                self._use_rate(float(s.rate_found))
+                s.fresh = WHOLLY
         if events & NOISE_LEARNED:
             s.knows_noise, self._noise = True, of_pairs(np.array(s.means) // 2.0, np.array(s.squares))
             poses_differ_by(s, between_poses(self._calibration, self._noise.white))
@@ -279,7 +281,7 @@ class Compensator:
         s = self._runner.state
         use_low_pass(self._lowpass, rate, s.lowpass)
         use_low_pass(self._sensor, rate, s.sensor)
-        s.longest_gap, s.interval, s.stamps = max(GAP_SECONDS, GAP_SAMPLES / rate), 1.0 / rate, INTERVALS
+        s.longest_gap, s.interval = max(GAP_SECONDS, GAP_SAMPLES / rate), 1.0 / rate
         if s.knows_noise:
             self._noise = known_noise(self._calibration, self._stated, rate)
         self._use_noise(rate)

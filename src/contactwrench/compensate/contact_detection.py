@@ -12,7 +12,7 @@ import numpy as np
 from ..geometry.arrays import Array
 from ..geometry.ranges import Range
 from ..samples.poses import SAME_POSE_ANGLE
-from .bias_tracking import CREEP, RECOVERY, REMNANT, SAME_SECONDS, predict, whiten
+from .bias_tracking import CREEP, RECOVERY, REMNANT, SAME_SECONDS, SETTLED, SETTLED_LATE, predict, whiten
 from .contact_wrenches import FREE, TOUCHING, Contact
 from .faults import FINE, LEARNED, LEARNING, SAME
 from .noise import SampleNoise
@@ -93,17 +93,19 @@ def far(s: State) -> bool:
 def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
     """The covariance of the contact wrench where and when the sample comes; one with which all starts anew ends it."""
     if restart:
-        s.since_fresh = 0
+        s.since_fresh = s.clean_blocks = 0
         if s.touching:
             end_contact(s, sample, s.time)
-    if s.since_fresh == 0:
-        s.clean_blocks = 0
     if s.offset_time != s.offset_time:
         s.offset_time = sample.time
-    predict(s, s.R, sample.time)
     held, settled = readings_held(s), s.since_fresh >= s.settled
     for k in range(6):
         s.noise_left[k] = min(s.noise_filtered[k] * held, s.noise_variance[k]) if settled else s.noise_variance[k]
+    if s.touching:
+        predict(s, s.R, s.onset)
+        whiten(s.systematic, s.noise_left, s.whitening_then)
+    predict(s, s.R, sample.time)
+    for k in range(6):
         s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k]) if s.knows_noise else nan
     whiten(s.systematic, s.noise_left, s.whitening)
     if s.knows_inertia:
@@ -176,10 +178,13 @@ def learn_noise(s: State, sample: Sample) -> tuple[int, float]:
 def detect(s: State, sample: Sample) -> None:
     """The contact, with hysteresis: it begins with the first of a run of samples above one threshold, and ends with the
     first of a run below another, raised by what is left of the contact when it is over; a run lasts the minimum
-    duration, and two samples.
+    duration, and two samples. What stays the same is not over because the bias is known worse and worse: it is held
+    against what was known as it began.
     """
     end = sqrt(s.end) + REMNANT * sqrt(s.peak_statistic) if s.touching else 0.0
     now, above = sample.time, sample.statistic > (end * end if s.touching else s.fire)
+    if s.touching and not above and now - s.same_since >= SETTLED:
+        above = statistic_of(sample.wrench, s.whitening_then) > end * end
     if not s.touching and not above:
         s.run = 0
         if s.free_time != s.free_time:
@@ -199,7 +204,7 @@ def detect(s: State, sample: Sample) -> None:
         s.run += 1
         gather(s, sample)
         if s.run >= 2 and now - s.onset >= s.minimum_duration and s.peak_statistic > s.begin:
-            s.touching, s.same_since = True, nan
+            s.touching, s.stale, s.same_since = True, True, nan
             s.onset_seen = s.known_free
             s.quiet = 0
         return
@@ -235,7 +240,8 @@ def end_contact(s: State, sample: Sample, now: float) -> None:
     """The contact is over; its covariance is the one of before a gap. Where it may have moved the bias by more than the
     noise of a block, free samples are learned from until nothing creeps.
     """
-    s.touching, s.stale = False, True
+    s.touching, s.stale, s.same_since = False, True, nan
+    s.to_settle = SETTLED if now - s.onset < RECOVERY else SETTLED_LATE
     kept = 1.0 / (1.0 + (now - s.release) / CREEP) if s.offset_time > s.release else 1.0
     s.release = now
     for group in range(0, 6, 3):
@@ -267,7 +273,7 @@ def stays_the_same(s: State, mean: Row) -> None:
         for k in range(group, group + 3):
             apart = max(abs(mean[k] - s.same_mean[k]) - most, 0.0)
             moved += apart * apart / (2.0 * s.block_noise[k])
-    if s.same_since == s.same_since and moved < s.begin:
+    if s.same_since == s.same_since and moved < (s.begin if s.touching else s.end):
         return
     s.same_since = s.block_time
     for k in range(6):

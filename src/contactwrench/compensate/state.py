@@ -23,8 +23,10 @@ OCTAVES = 20
 """Of numbers of samples, over which the noise is learned."""
 THRESHOLDS = 400
 """Knots of the thresholds over the degrees of freedom."""
-INTERVALS = 24
-"""Between stamps, from which the rate is taken."""
+INTERVALS, MOST_INTERVALS = 24, 6144
+"""Between stamps, from which the rate is taken, and then of twice as many each time, up to the last: so few may have
+waited in a queue, and come at once.
+"""
 TERMS = 12
 """Of a motion, that a moving tool's wrench is linear in."""
 OF_DOWN, OF_MOTION, OF_FELT = 4, 1 + TERMS, 4
@@ -106,7 +108,9 @@ class State:
     # Time, and what starts anew.
     time: float = nan
     stamps: int = 0
-    intervals: Row = numbers(INTERVALS)
+    stamps_awaited: int = INTERVALS
+    counted: float = 0.0
+    rate_found: float = nan
     fresh: int = 0
     since_fresh: int = 0
     temperature: float = 0.0
@@ -244,6 +248,7 @@ class State:
     block_mean: Row = numbers(6)
     block_variance: Row = numbers(6)
     block_R: Row = numbers(9)
+    to_settle: float = 0.0
     same_since: float = nan
     same_mean: Row = numbers(6)
     same_R: Row = numbers(9)
@@ -260,6 +265,7 @@ class State:
     noise_left: Row = numbers(6, fill=nan)
     wrench_std: Row = numbers(6, fill=nan)
     whitening: Matrix = numbers(6, 6)
+    whitening_then: Matrix = numbers(6, 6)
     fire: float = nan
     end: float = nan
     begin: float = nan

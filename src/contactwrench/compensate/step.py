@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from math import inf, nan, sqrt
 
 from .acceleration import LONGEST_SILENCE
-from .bias_tracking import learn
+from .bias_tracking import RECOVERY, learn
 from .contact_detection import far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
 from .delay import as_the_wrench_is_stamped, explained_by_delay, follow_turn
@@ -14,7 +14,7 @@ from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, SILEN
 from .filters import low_pass
 from .inertia import exerted, follow_motion, take_pose, terms_then
 from .shaking import noise_of_motion, statistic_in_motion
-from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
+from .state import MOST_INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
 HOTTEST = 1e4
@@ -101,10 +101,12 @@ def arrive(s: State, sample: Sample, restart: bool) -> None:
     """The sample is taken: count the time since the last, or begin anew, so that nothing of before is compared with
     what comes.
     """
-    if not restart and s.stamps < INTERVALS:
-        s.intervals[s.stamps] = sample.time - s.time
+    if not restart:
+        s.counted += sample.time - s.time
         s.stamps += 1
-        if s.stamps == INTERVALS:
+        if s.stamps == s.stamps_awaited:
+            s.rate_found, s.stamps, s.counted = s.stamps / s.counted, 0, 0.0
+            s.stamps_awaited = min(2 * s.stamps_awaited, MOST_INTERVALS)
             sample.events |= RATE_FOUND
     s.time = sample.time
     if not restart:
@@ -200,15 +202,18 @@ def conclude(s: State, sample: Sample, fault: int, detail: float, recovers: bool
 @kernel
 def end_block(s: State) -> None:
     """Learn from the block of samples before this one, where it, this one and the one before it were all free: so a
-    contact that was too weak at first, or fades, is not taken for drift.
+    contact that was too weak at first, or fades, is not taken for drift. After one, what comes is to stay the same for
+    a while first: a bias that was not learned for long is known so badly that the end of a slow release passes for
+    free, and what was taken for a contact may be a tool that the arm still accelerates.
     """
     rows, clean, mean, follows = s.block_rows, not s.spoiled, s.block_sum, s.follows_bias or s.time < s.follow_until
     for k in range(6):
         mean[k] = mean[k] / rows + s.offset[k]
-    if follows and clean and s.clean_blocks >= 2:
+    stays_the_same(s, mean)
+    if s.time - s.same_since >= s.to_settle or s.time - s.release >= RECOVERY:
+        s.to_settle = 0.0
+    if follows and clean and s.clean_blocks >= 2 and s.to_settle == 0.0:
         learn(s, s.block_R, s.block_time, s.block_mean, s.block_variance)
-    if s.touching:
-        stays_the_same(s, mean)
     s.clean_blocks = s.clean_blocks + 1 if clean else 0
     held = readings_held(s)
     for k in range(6):
