@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ...calibration.calibration import Calibration
 from ...errors import InputError
-from ...geometry.arrays import Array, Vector
+from ...geometry.arrays import Array
 from ...geometry.rotations import spread_rotations
 from ...model import RigidTool
 from .target import Setup
@@ -36,16 +36,6 @@ def rigid_tool(calibration: Calibration, setup: Setup, target: str) -> RigidTool
             f"with --model auto, or export B itself with --to c, python or matlab{without}"
         )
     return tool if setup.tool_mass is None else replace(tool, weight=setup.tool_mass * calibration.g)
-
-
-def sensor_offset(setup: Setup, target: str) -> Vector:
-    """Where the sensor's origin is, (3,) m from the flange's, flange axes. Raises `InputError` where nobody said."""
-    if setup.sensor_offset is None:
-        raise InputError(
-            f"{target} counts from the flange, and no reading tells where the sensor's origin is: give --sensor-offset "
-            "X,Y,Z, m from the flange's origin, flange axes (data sheets of sensor and adapter, or the URDF)"
-        )
-    return setup.sensor_offset
 
 
 def roll_pitch_yaw(R: Array) -> Array:
