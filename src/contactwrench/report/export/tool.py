@@ -65,16 +65,9 @@ def mounting_remark(tool: RigidTool, frame: str) -> str:
 
 
 def largest_error(calibration: Calibration, B: Array, gravity_direction: Array) -> tuple[float, float]:
-    """How far off contact force and torque are at most, over all orientations, where a program subtracts another free
-    wrench than the calibration's.
-
-    Args:
-        calibration: what is right.
-        B: (6, 4), N and N m, sensor axes: the program subtracts `B @ [r, 1]`.
-        gravity_direction: unit vector (3,), base axes, with `r = R_base_flange.T @ gravity_direction`.
-
-    Returns:
-        The largest norm of the error of the force, N, and of the torque, N m, to a relative accuracy of 1e-6.
+    """How far off contact force, N, and torque, N m, are at most, each a norm, over all orientations and to a relative
+    1e-6, where a program subtracts `B @ [r, 1]` in place of the calibration's free wrench: B (6, 4) in sensor axes, and
+    `r = R_base_flange.T @ gravity_direction`, a unit vector (3,) in base axes.
     """
     wrong = np.einsum("ij,k->ijk", B[:, :3], gravity_direction)
     right = np.einsum("ij,k->ijk", calibration.B[:, :3], calibration.gravity_direction)
