@@ -33,27 +33,25 @@ def chosen_experiments(n: int, J: Array, known: Array, M: Array, apart: NDArray[
     """
     information = np.einsum("mrp,mrq->mpq", J, J)
 
-    def best_beside(others: list[int]) -> int | None:
+    def best_beside(others: list[int]) -> list[int]:
+        """The best candidate that is free, if any is."""
         free = np.flatnonzero(apart[others].all(axis=0))
         if not len(free):
-            return None
+            return []
         variance = _variance_with_each(J[free], known + information[others].sum(axis=0), M)
-        return int(free[np.argmax(variance <= (1.0 + TIE) * variance.min())])
+        return [int(free[np.argmax(variance <= (1.0 + TIE) * variance.min())])]
 
     def mean_variance(design: list[int]) -> float:
         return float(np.sum(np.linalg.inv(known + information[sorted(design)].sum(axis=0)) * M))
 
     chosen: list[int] = []
-    while len(chosen) < n and (best := best_beside(chosen)) is not None:
-        chosen.append(best)
+    while len(chosen) < n and (best := best_beside(chosen)):
+        chosen += best
     least, gained = mean_variance(chosen), True
     while gained:
         gained = False
         for k in range(len(chosen)):
-            best = best_beside(chosen[:k] + chosen[k + 1 :])
-            if best is None:
-                continue
-            candidate = [*chosen[:k], best, *chosen[k + 1 :]]
+            candidate = [*chosen[:k], *best_beside(chosen[:k] + chosen[k + 1 :]), *chosen[k + 1 :]]
             variance = mean_variance(candidate)
             if variance < (1.0 - LEAST_GAIN) * least:
                 least, chosen, gained = variance, candidate, True
