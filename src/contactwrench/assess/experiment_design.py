@@ -26,41 +26,32 @@ def chosen_experiments(n: int, J: Array, known: Array, M: Array, apart: NDArray[
     """Up to `n` of m candidates that make `trace(C M)` least.
 
     The best candidate is added n times; then each is exchanged for the best in its place, until no exchange gains; of
-    candidates that are as good the first is taken.
-
-    Args:
-        n: how many to choose.
-        J: derivatives of the candidates' outcomes (m, r, p), in standard deviations of their noise.
-        known: information (p, p) that is there before, of full rank.
-        M: what is asked of the parameters (p, p).
-        apart: (m, m), which pairs may both be chosen; none with itself.
-
-    Returns:
-        Indices of the candidates; fewer than n where none is left.
+    candidates that are as good the first is taken. Gives their indices, fewer than n where none is left. `J` (m, r, p):
+    derivatives of the outcomes, in standard deviations of their noise; `known` (p, p): information that is there
+    before, of full rank; `M` (p, p): what is asked of the parameters; `apart` (m, m): which pairs may both be chosen,
+    none with itself.
     """
     information = np.einsum("mrp,mrq->mpq", J, J)
 
-    def best_beside(others: list[int]) -> int | None:
+    def best_beside(others: list[int]) -> list[int]:
+        """The best candidate that is free, if any is."""
         free = np.flatnonzero(apart[others].all(axis=0))
         if not len(free):
-            return None
+            return []
         variance = _variance_with_each(J[free], known + information[others].sum(axis=0), M)
-        return int(free[np.argmax(variance <= (1.0 + TIE) * variance.min())])
+        return [int(free[np.argmax(variance <= (1.0 + TIE) * variance.min())])]
 
     def mean_variance(design: list[int]) -> float:
         return float(np.sum(np.linalg.inv(known + information[sorted(design)].sum(axis=0)) * M))
 
     chosen: list[int] = []
-    while len(chosen) < n and (best := best_beside(chosen)) is not None:
-        chosen.append(best)
+    while len(chosen) < n and (best := best_beside(chosen)):
+        chosen += best
     least, gained = mean_variance(chosen), True
     while gained:
         gained = False
         for k in range(len(chosen)):
-            best = best_beside(chosen[:k] + chosen[k + 1 :])
-            if best is None:
-                continue
-            candidate = [*chosen[:k], best, *chosen[k + 1 :]]
+            candidate = [*chosen[:k], *best_beside(chosen[:k] + chosen[k + 1 :]), *chosen[k + 1 :]]
             variance = mean_variance(candidate)
             if variance < (1.0 - LEAST_GAIN) * least:
                 least, chosen, gained = variance, candidate, True
@@ -82,11 +73,8 @@ def short_order(between: Array, from_start: Array | None) -> list[int]:
     """An order of the places 0 .. n-1 whose open tour is short: the shortest there is, or within a few per cent of it.
 
     From every first place on always the nearest one left, then the piece whose reversal shortens the tour most is
-    reversed until none does (2-opt; Croes 1958); the shortest of these tours is kept.
-
-    Args:
-        between: distances (n, n), the same in both directions.
-        from_start: distances (n,) from where the tour begins; None: it begins at any place.
+    reversed until none does (2-opt; Croes 1958); the shortest of these tours is kept. Distances `between` (n, n) are
+    the same in both directions; those `from_start` (n,) are from where the tour begins, None: at any place.
     """
     n = len(between)
     # The start is one more place, number n: at no distance from anywhere where the tour may begin anywhere.

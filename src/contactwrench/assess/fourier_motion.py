@@ -118,12 +118,8 @@ def fitted_shapes(sine: Array, cosine: Array, limits: Limits, angle: Array) -> t
 
 def pace(flange: MovingFlange, slope: Array, curvature: Array, limits: Limits) -> Array:
     """How fast (p,) each of p ways may be gone, in their own unit of progress a second, that no limit of speed or
-    acceleration is passed: speeds grow with the pace, accelerations with its square.
-
-    Args:
-        flange: along the ways, p times n moments, one way after the other, at the pace 1.
-        slope: of the joints by progress (p, n, k), and the `curvature`.
-        limits: to keep.
+    acceleration is passed: speeds grow with the pace, accelerations with its square. `flange`: along the ways, p times
+    n moments, one way after the other, at the pace 1; `slope` and `curvature` (p, n, k) of the joints by progress.
     """
 
     def largest(vectors: Array) -> Array:

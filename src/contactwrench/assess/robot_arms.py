@@ -87,18 +87,13 @@ def flange_orientation(arm: Arm, joints: Array) -> Array:
 
 
 def reach(arm: Arm, around: Array | None = None) -> Reach:
-    """What the arm's wrist reaches while its other joints stay: orientations at least `SPACING` apart.
+    """What the arm's wrist reaches while its other joints stay `around` (k,), rad, where it stands (None: its home):
+    orientations at least `SPACING` apart.
 
     Each comes at the configuration nearest to `around` that was found for it, the nearest first (which is `around`
     itself). No joint is closer than `MARGIN` to a limit, unless it stands there, or further than half a turn from where
-    it stands. Collisions of the arm with itself, its cables or its surroundings are not known here.
-
-    Args:
-        arm: the arm, with k joints.
-        around: joints (k,), rad, where it stands; None: its home.
-
-    Raises:
-        InputError: a wrong number of joints, or one outside its limits.
+    it stands. Collisions of the arm with itself, its cables or its surroundings are not known here. Raises `InputError`
+    for a wrong number of joints, and for one outside its limits.
     """
     start = np.round(arm.home if around is None else within_limits(arm, around), TYPED_DIGITS)
     wrist = min(WRIST, len(arm))

@@ -53,12 +53,9 @@ def screen(
     wrench: Array,
     gravity_direction: Array,
 ) -> tuple[Array, Array]:
-    """What a rigid tool leaves of each interpretation of `wrench` (n, 6), the file's columns.
-
-    Returns:
-        The sums of squares that are left (orientations, wrenches, 2, 2), the last axis for force (N^2) and torque
-        (N^2 m^2), the one before for the readings and the negated readings; and of how many degrees of freedom
-        (orientations, 1, 1, 2).
+    """What a rigid tool leaves of each interpretation of `wrench` (n, 6), the file's columns: sums of squares
+    (orientations, wrenches, 2, 2), the last axis for force (N^2) and torque (N^2 m^2), the one before for the readings
+    and the negated readings; and of how many degrees of freedom (orientations, 1, 1, 2).
     """
     matrices, in_base = np.array([w.matrix for w in wrenches]), np.array([w.in_base for w in wrenches])
     cross, total, square, rows = [], [], [], []

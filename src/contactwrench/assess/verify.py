@@ -64,8 +64,8 @@ class Verification(Frozen, WithFindings):
     rms: Array
     largest_force: float
     largest_torque: float
-    chi2: float | None
-    probability: float | None
+    chi2: float
+    probability: float
     limit_force: float | None
     limit_torque: float | None
     weighings: tuple[Weighing, ...]

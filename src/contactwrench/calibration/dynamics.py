@@ -151,13 +151,9 @@ def nearest_possible(inertia: Array, covariance: Array, mass: float) -> tuple[Ar
 class Ellipsoid(Frozen):
     """The uniform solid ellipsoid that has a tool's mass and inertia, about its centre of mass.
 
-    Attributes:
-        axes: its principal axes, columns of (3, 3), sensor axes, the least moment first.
-        moments: of inertia about them (3,), kg m^2.
-        moment_std: (3,), kg m^2.
-        semi_axes: (3,), m.
-        low: (3,), m, where two std less of the semi-axes' squares are; 0 where that is below.
-        high: (3,), m, where two std more are.
+    `axes`: the principal ones, columns of (3, 3), sensor axes, the least moment first; `moments` of inertia about them
+    (3,) and `moment_std` (3,), kg m^2; `semi_axes` (3,) m, with `low` (3,) and `high` (3,) m, where two std less and
+    more of their squares are, 0 where that is below.
     """
 
     axes: Matrix
@@ -169,13 +165,9 @@ class Ellipsoid(Frozen):
 
 
 def equal_ellipsoid(mass: float, inertia: Array, covariance: Array) -> Ellipsoid:
-    """A second moment of a uniform ellipsoid is `m a^2 / 5` (Landau and Lifshitz, Mechanics, section 32): so `a^2` is
-    linear in the inertia, and its std holds for a flat body too, whose semi-axis is near zero.
-
-    Args:
-        mass: kg.
-        inertia: (3, 3), kg m^2, about the centre of mass.
-        covariance: of the mass and inertia xx xy xz yy yz zz, (7, 7).
+    """That of a mass, kg, and an inertia (3, 3), kg m^2, about the centre of mass; `covariance` (7, 7) of the mass and
+    xx xy xz yy yz zz. A second moment of a uniform ellipsoid is `m a^2 / 5` (Landau and Lifshitz, Mechanics, section
+    32): so `a^2` is linear in the inertia, and its std holds for a flat body too, whose semi-axis is near zero.
     """
     moments, axes = np.linalg.eigh(inertia)
     doubled = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])

@@ -52,14 +52,12 @@ def load(path: str | Path, form: type[Form]) -> Form:
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileFormatError(f"{path}: no whole JSON file ({error}), expected a saved calibration: {_AGAIN}") from None
     schema = values.get("schema") if isinstance(values, dict) else None
-    if not isinstance(schema, str) or not schema.startswith(f"{_FAMILY}/"):
-        raise FileFormatError(
-            f"{path}: found schema {repr(schema)[:60]}, expected {SCHEMA!r}: name a file that calibrate wrote"
-        )
     if schema != SCHEMA:
-        number = schema.rpartition("/")[2]
-        newer = number.isdecimal() and float(number) > float(_NUMBER)
-        remedy = "upgrade contactwrench" if newer else _AGAIN
+        number, remedy = str(schema).rpartition("/")[2], _AGAIN
+        if not str(schema).startswith(f"{_FAMILY}/"):
+            remedy = "name a file that calibrate wrote"
+        elif number.isdecimal() and float(number) > float(_NUMBER):
+            remedy = "upgrade contactwrench"
         raise FileFormatError(f"{path}: found schema {repr(schema)[:60]}, expected {SCHEMA!r}: {remedy}")
     try:
         with _ONE_AT_A_TIME:

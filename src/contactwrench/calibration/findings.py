@@ -115,12 +115,8 @@ DOUBT_OF_KIND = {
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that calibrating found beside the numbers.
-
-    Attributes:
-        kind: what it is of.
-        severity: what it means for the result.
-        text: one sentence for people; it begins with `weak` or `doubtful` where the severity is that.
+    """Something that calibrating found beside the numbers: its `text`, one sentence for people, begins with `weak` or
+    `doubtful` where the severity is that.
     """
 
     kind: Kind

@@ -13,7 +13,7 @@ from ..geometry.wrench import cross_matrix
 from ..model import AXES, GRAVITY, MOUNT, horizontal_axes
 from ..samples.delay import is_significant
 from ..statistics import counted, meaningful_digits, two_digits
-from .dynamics import elements
+from .dynamics import INERTIA, elements
 from .fields import CalibrationFields
 
 NOISE_IS_LEARNED = "noise of a sample unknown: a Compensator takes its first second for free air"
@@ -121,8 +121,7 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
         rows += [_row(f"gravity_{x}", v, s, "in base axes") for x, v, s in zip("xyz", d, spread, strict=True)]
         rows.append(_row("lean", *_angle_to_axis(d, k, about), f"deg, of gravity from the base's {'xyz'[k]}"))
     if c.dynamics is not None:
-        names = [f"inertia_{xy}" for xy in ("xx", "xy", "xz", "yy", "yz", "zz")]
-        moments = zip(names, elements(c.dynamics.inertia), std["inertia"], strict=True)
+        moments = zip(INERTIA, elements(c.dynamics.inertia), std["inertia"], strict=True)
         rows += [_row(name, 1e4 * v, 1e4 * s, "kg cm^2, about com") for name, v, s in moments]
         place = zip("xyz", c.dynamics.sensor_offset, std["sensor_offset"], strict=True)
         origin = "flange" if c.dynamics.accelerometer is None else "accelerometer, flange axes"

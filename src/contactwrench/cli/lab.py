@@ -127,10 +127,8 @@ def _run(virtual: Lab, goals: Iterator[Array] | None, ended: Callable[[float], i
 @contextmanager
 def _live(*arguments: str) -> Iterator[Callable[[float], int | None]]:
     """Run `contactwrench live` with these arguments, a program of its own on the same terminal. It ends with the lab; a
-    signal that comes is handed on to it, and ends both.
-
-    Yields:
-        What waits some s at most for the session's end: its exit status, or None where it goes on.
+    signal that comes is handed on to it, and ends both. Gives what waits some s at most for the session's end: its exit
+    status, or None where it goes on.
     """
     with caught() as came:
         session = Popen([sys.executable, "-m", "contactwrench", "live", *arguments])

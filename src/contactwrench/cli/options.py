@@ -125,13 +125,7 @@ def print_result(
 
 
 def say(text: str, *, err: bool = False, elsewhere: int | None = None) -> None:
-    """Print text, visibly: on a terminal sentences flow to its width.
-
-    Args:
-        text: a sentence is one line.
-        err: on stderr.
-        elsewhere: the width where there is no terminal; None: a sentence stays one line.
-    """
+    """Print text, visibly. A sentence is one line: on a terminal it flows to its width, and `elsewhere` to that one."""
     from ..calibration.text import flowed
 
     text = visible_lines(text)

@@ -34,12 +34,9 @@ KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, ".zstd")
 
 @dataclass(frozen=True)
 class Writes:
-    """In the annotation of a path: it is written.
-
-    Attributes:
-        files: those that are written, from the path and the values of all arguments.
-        page: it is made anew over a page of this program's, as nobody's work is in that; another file that is there
-            and not empty is replaced only with --force.
+    """In the annotation of a path: it is written, or the `files` that follow from it and the values of all arguments. A
+    `page` is made anew over one of this program's, as nobody's work is in that; another file that is there and not
+    empty is replaced only with --force.
     """
 
     files: Callable[[Path, Mapping[str, Any]], Iterable[Path]] = lambda path, _: [path]

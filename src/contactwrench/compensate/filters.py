@@ -106,15 +106,9 @@ def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
 
 
 def smoothed(t: Array, values: Array, low_pass: LowPass) -> Array:
-    """A recording filtered both ways, each section between gaps by itself, in the order of its stamps.
-
-    Args:
-        t: (n,) s, 2 or more.
-        values: (n, k); rows that are not finite stay as they are.
-        low_pass: a section that is too short to start it on becomes its mean.
-
-    Raises:
-        InputError: for times without a rate, and a cut-off that is too high for theirs.
+    """A recording of values (n, k) at times (n,), s, filtered both ways, each section between gaps by itself, in the
+    order of its stamps. Rows that are not finite stay as they are, and a section that is too short to start the filter
+    on becomes its mean. Raises `InputError` for times without a rate, and a cut-off that is too high for theirs.
     """
     finite = np.isfinite(values).all(axis=1)
     known = t[finite]

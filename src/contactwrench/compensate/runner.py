@@ -23,15 +23,13 @@ from ..geometry.orientation import OrientationLike, numbers_of
 from ..subtract import compiled_by_numba
 from .contact_wrenches import Contact, ContactWrenches
 from .faults import SAME, reasons_of
-from .state import COVARIANCE, KERNEL, SAMPLE, STATE, TERMS, Function, Sample, State
+from .state import COVARIANCE, KERNEL, SAMPLE, STATE, Function, Sample, State
 from .step import taking
 
 MOMENT = 1.0
 """s: what takes longer is said."""
 TAKEN = "found a call from a second thread, expected one: give each a Compensator of its own, or begin anew, reset()"
 ROWS_AT_ONCE = 128
-NOT_KNOWN, NOT_GROWN = [nan] * TERMS, [nan] * 6
-"""Of a motion, and by how much it widens a variance."""
 NOTHING_TOLD = np.full(3, nan)
 """Of a motion, with a reading alone."""
 TOLD = ("events", "fault", "detail", "channel", "contact")
@@ -128,8 +126,7 @@ class Plain:
     def step(self, reading: Array, turn: Array, t: float, temperature: float, told: Array) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         sample = self.sample
-        sample.told, sample.motion, sample.motion_variance = told.tolist(), NOT_KNOWN, NOT_GROWN
-        sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
+        sample.told, sample.reading, sample.orientation = told.tolist(), reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
         take(*self._given, turn.size, 0)
         return sample.said, read_only(sample.wrench)
@@ -150,11 +147,12 @@ class Plain:
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the first with an event or before; how many are taken."""
-        rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], self.sample
+        rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], Sample()
+        states, _, ring = self._given
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature, *moved = given
             sample.told, sample.passed, sample.motion, sample.motion_variance = moved
-            take(*self._given, width, 0)
+            take(states, [sample], ring, width, 0)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
                 break

@@ -122,14 +122,9 @@ class Lab:
         return Truth(tool.mass * rig.gravity, tool.mass, com, bias, rig.R_flange_sensor, rig.gravity_direction)
 
     def move_to(self, target: Array | Sequence[float], position: Sequence[float] | None = None) -> float:
-        """Begin to move, from wherever the arm is on its way; returns how many seconds it will take.
-
-        Args:
-            target: joints (7,), rad; or `R_base_flange` (3, 3).
-            position: of the flange (3,), m, base axes, with an orientation; None: wherever it is nearest to home.
-
-        Raises:
-            InputError: of another shape, or out of reach.
+        """Begin to move to joints (7,), rad, or `R_base_flange` (3, 3), from wherever the arm is on its way; returns
+        how many seconds it will take. `position` (3,), m, base axes, is the flange's at an orientation; None: wherever
+        it is nearest to home. Raises `InputError` for another shape, and what is out of reach.
         """
         with self._orders:
             joints = self._joints(np.asarray(target, dtype=np.float64), position)

@@ -30,14 +30,9 @@ FORMS = {
 
 
 class Sri(TcpFake):
-    """The box, at rest until it is asked for its stream.
-
-    Args:
-        rate: before a client asks for another, Hz.
-        old: firmware that ends its answers without `$OK` and calls the rate SMPR.
-
-    Attributes:
-        asked: every command that has come, to see that nobody zeroes the sensor.
+    """The box, at rest until it is asked for its stream, at `rate` Hz unless a client asks for another. `old`: firmware
+    that ends its answers without `$OK` and calls the rate SMPR. `asked`: every command that has come, to see that
+    nobody zeroes the sensor.
     """
 
     scheme = "sri"

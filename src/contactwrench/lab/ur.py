@@ -35,11 +35,8 @@ class _Moment:
 
 
 class Ur(TcpFake):
-    """The controller.
-
-    Args:
-        cb3: an older one: 125 Hz, and no force sensor of its own.
-        tcp_offset: (6,) m and rotation vector, of the TCP on the flange.
+    """The controller; `cb3`: an older one, 125 Hz, and no force sensor of its own; `tcp_offset` (6,): m and rotation
+    vector, of the TCP on the flange.
     """
 
     scheme = "ur"

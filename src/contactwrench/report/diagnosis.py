@@ -27,14 +27,14 @@ def verdict(diagnosis: Diagnosis) -> str:
     given, best = diagnosis.given, diagnosis.best
     no_tool = f"but no tool is so ({best.odd}): see the units and signs below"
     if given is None:
-        as_given = "as given: cannot be read"
+        torque_too, as_given = False, "as given: cannot be read"
     else:
         torque_too = not diagnosis.read_rightly and given.force_left < 2.0 * best.force_left
         as_given = f"as given: {_left(given, torque_too)} left"
     if given is None and best.explains_nothing:
         return f"{as_given}; no other reading explains it: the best leaves {_left(best, False)}, {_share(best)}"
-    if given is None or not diagnosis.read_rightly:
-        better = f"{_how(best.interpretation, given)}: {_left(best, given is not None and torque_too)} left"
+    if not diagnosis.read_rightly:
+        better = f"{_how(best.interpretation, given)}: {_left(best, torque_too)} left"
         doubt = f", {no_tool}" if best.odd else ""
         doubt = doubt if best.explained else f", still {_share(best)}"
         return f"{as_given}; {better}{doubt}"

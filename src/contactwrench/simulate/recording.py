@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..files import write_text
 from ..geometry.arrays import Array, Frozen
+from ..geometry.orientation import to_quat_xyzw
 from ..geometry.ranges import ROWS
 from ..geometry.rotations import rotation_exp
 from ..geometry.wrench import WRENCH_AXES
@@ -201,9 +202,7 @@ def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> N
 
 def csv_lines(recorded: Recorded) -> Iterator[str]:
     """The standard input CSV: same recording, same bytes."""
-    from scipy.spatial.transform import Rotation
-
-    quat_xyzw: Array = Rotation.from_matrix(recorded.R_base_flange).as_quat(canonical=True)
+    quat_xyzw = to_quat_xyzw(recorded.R_base_flange, canonical=True)
     pose = [recorded.t, recorded.wrench, quat_xyzw, recorded.position, 1000.0 * recorded.load_mass]
     at_joints = [recorded.joints, recorded.joint_torque]
     table: Array = np.column_stack([*pose, *at_joints, recorded.saturated.any(axis=1)])

@@ -9,17 +9,23 @@ import json
 import numpy as np
 
 from ...calibration.calibration import Calibration
+from ...errors import InputError
 from ...geometry.wrench import STANDARD_GRAVITY
 from ...model import wrench_matrix
 from .target import Parameters, Setup, Target, below, in_json, in_xml
-from .tool import DOWN, mounting_remark, number, numbers, rigid_tool, roll_pitch_yaw, sensor_offset
+from .tool import DOWN, mounting_remark, number, numbers, rigid_tool, roll_pitch_yaw
 
 FIXED_GRAVITY = f"such that mass x {STANDARD_GRAVITY} m/s^2, this program's gravity, is the weight"
 
 
 def _mc_rtc(c: Calibration, setup: Setup) -> Parameters:
     tool = rigid_tool(c, setup, "mc_rtc")
-    com = tool.R_flange_sensor @ tool.com + sensor_offset(setup, "mc_rtc")
+    if setup.sensor_offset is None:
+        raise InputError(
+            "mc_rtc counts from the flange, and no reading tells where the sensor's origin is: give --sensor-offset "
+            "X,Y,Z, m from the flange's origin, flange axes (data sheets of sensor and adapter, or the URDF)"
+        )
+    com = tool.R_flange_sensor @ tool.com + setup.sensor_offset
     rpy = roll_pitch_yaw(tool.R_flange_sensor)
     values = [tool.weight / STANDARD_GRAVITY, *rpy, *com, *tool.bias[3:], *tool.bias[:3]]
     remarks = (
@@ -27,7 +33,7 @@ def _mc_rtc(c: Calibration, setup: Setup) -> Parameters:
         f"mass in kg, {FIXED_GRAVITY}; roll, pitch, yaw in rad; centre of mass in m from the parent body's origin, its "
         "axes; offset tx ty tz in N m, fx fy fz in N",
         "taken for granted: the parent body is the flange of the recording; the robot module's force sensor has the "
-        f"parent's axes and is at [{numbers(sensor_offset(setup, 'mc_rtc'))}] m in it; the base stands upright",
+        f"parent's axes and is at [{numbers(setup.sensor_offset)}] m in it; the base stands upright",
     )
     return Parameters(numbers(values, "\n") + "\n", remarks, wrench_matrix(tool), DOWN)
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ...calibration.calibration import Calibration
 from ...errors import InputError
-from ...geometry.arrays import Array, Vector
+from ...geometry.arrays import Array
 from ...geometry.rotations import spread_rotations
 from ...model import RigidTool
 from .target import Setup
@@ -36,16 +36,6 @@ def rigid_tool(calibration: Calibration, setup: Setup, target: str) -> RigidTool
             f"with --model auto, or export B itself with --to c, python or matlab{without}"
         )
     return tool if setup.tool_mass is None else replace(tool, weight=setup.tool_mass * calibration.g)
-
-
-def sensor_offset(setup: Setup, target: str) -> Vector:
-    """Where the sensor's origin is, (3,) m from the flange's, flange axes. Raises `InputError` where nobody said."""
-    if setup.sensor_offset is None:
-        raise InputError(
-            f"{target} counts from the flange, and no reading tells where the sensor's origin is: give --sensor-offset "
-            "X,Y,Z, m from the flange's origin, flange axes (data sheets of sensor and adapter, or the URDF)"
-        )
-    return setup.sensor_offset
 
 
 def roll_pitch_yaw(R: Array) -> Array:
@@ -75,16 +65,9 @@ def mounting_remark(tool: RigidTool, frame: str) -> str:
 
 
 def largest_error(calibration: Calibration, B: Array, gravity_direction: Array) -> tuple[float, float]:
-    """How far off contact force and torque are at most, over all orientations, where a program subtracts another free
-    wrench than the calibration's.
-
-    Args:
-        calibration: what is right.
-        B: (6, 4), N and N m, sensor axes: the program subtracts `B @ [r, 1]`.
-        gravity_direction: unit vector (3,), base axes, with `r = R_base_flange.T @ gravity_direction`.
-
-    Returns:
-        The largest norm of the error of the force, N, and of the torque, N m, to a relative accuracy of 1e-6.
+    """How far off contact force, N, and torque, N m, are at most, each a norm, over all orientations and to a relative
+    1e-6, where a program subtracts `B @ [r, 1]` in place of the calibration's free wrench: B (6, 4) in sensor axes, and
+    `r = R_base_flange.T @ gravity_direction`, a unit vector (3,) in base axes.
     """
     wrong = np.einsum("ij,k->ijk", B[:, :3], gravity_direction)
     right = np.einsum("ij,k->ijk", calibration.B[:, :3], calibration.gravity_direction)
