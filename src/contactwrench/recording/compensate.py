@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, islice, tee
 from pathlib import Path
 from typing import TypeVar
@@ -31,21 +32,24 @@ from ..samples.timestamps import spread_evenly
 from .accelerations import with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
-from .bags.read import bag_batches
 from .contacts_in_doubt import InDoubt, OffThroughout
 from .in_order import NOTHING, InOrder, without_wrench
 from .new_zero import with_zero_of
 from .options import Options
-from .read import batches, pairs_in_batches, reader_of, samples_of
+from .read import Block, are_pairs, as_streams, begins_with_pairs, blocks, read_as_bag, samples_of
 from .standing import Standing
-from .tables.columns import Advance, Tell, unheard
+from .tables.columns import ROWS, Advance, Tell, unheard
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
+from .tables.parquet import is_parquet
 from .tables.table import Table, without_reading
 from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
+
+ALL_ROWS = 10**9
+"""At once, where accelerations are taken from what comes before and after."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,23 +115,33 @@ def compensated(
         note("--imu is not used: the calibration has no inertia that counts from an accelerometer")
     if treatment.zero is not None:
         calibration = with_zero_of(path, options, calibration.with_gravity(treatment.gravity), treatment.zero)
-    pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
-    first = None if pairs is None else next(pairs)
-    evenly, of_bursts = (None, ()) if first is None else even_rows(samples_of(first, path))
-    late = treatment.applied_delay(calibration) != 0.0 and (
-        treatment.delay is not None or (evenly is not None and is_stream(evenly))
-    )
-    if pairs is None or first is None or late or (of_bursts and calibration.dynamics is not None):
-        return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
-    return _smoothed(_row_by_row(chain([first], pairs), path, options, calibration, treatment, note), treatment)
+    rows = ROWS if calibration.dynamics is None else ALL_ROWS
+    read = blocks(path, options, rows, advance)
+    first = next(read)
+    recording, every = chain(iter([first]), read), are_pairs(first)  # an iterator lets go of what it gave
+    if _goes_row_by_row(first, calibration, treatment):
+        done = _row_by_row(recording, path, options, calibration, treatment, note)
+    else:
+        streams = map(partial(as_streams, every=every), recording)
+        done = _paired(streams, path, options, calibration, treatment, note)
+    return _smoothed(done, treatment)
+
+
+def _goes_row_by_row(first: Block, calibration: Calibration, treatment: Treatment) -> bool:
+    """Whether a recording that begins with a block of pairs can be taken as it is, row by row."""
+    if treatment.judged or not are_pairs(first):
+        return False
+    evenly, of_bursts = even_rows(samples_of(first))
+    late = treatment.applied_delay(calibration) != 0.0 and (treatment.delay is not None or is_stream(evenly))
+    return not (late or (of_bursts and calibration.dynamics is not None))
 
 
 def require_writable(output: Path, path: Path, options: Options) -> None:
     """Raise `InputError` for an output that is neither a table nor, of a bag, a bag."""
-    suffix, of_bag = output.suffix.lower(), reader_of(path, options) is bag_batches
-    if suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET) or (of_bag and suffix in SUFFIXES_OF_BAGS):
+    suffix, is_bag = output.suffix.lower(), read_as_bag(path, options)
+    if suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET) or (is_bag and suffix in SUFFIXES_OF_BAGS):
         return
-    more = ", or a bag" if of_bag else ""
+    more = ", or a bag" if is_bag else ""
     raise InputError(f"{output}: found the suffix {suffix}, expected .csv or .parquet{more}: name it so")
 
 
@@ -142,24 +156,20 @@ def write_compensated(
     `ContactWrenchError` as the writers do.
     """
     like_folder = os.path.isdir(path) and not output.suffix and str(output) != "-"
-    is_bag = reader_of(path, options) is bag_batches
-    if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
+    if read_as_bag(path, options) and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
         frame = None if output_frame == "sensor" else output_frame
         wrenches = (batch.wrench for batch in recording)
         topic, accept = options.wrench_topic, options.accept_damaged
         return write_bag_with(path, output, wrenches, wrench_topic=topic, frame=frame, accept_damaged=accept, note=note)
-    write_contact_wrenches(output, recording, path, options, every_row=pairs_in_batches(path, options) is not None)
+    beside = is_parquet(path) and output.suffix.lower() in SUFFIXES_OF_PARQUET
+    every_row = beside and begins_with_pairs(path, options)
+    write_contact_wrenches(output, recording, path, options, every_row=every_row)
     return None
-
-
-def _at_once(calibration: Calibration) -> dict[str, int]:
-    """All rows, where accelerations are taken from what comes before and after."""
-    return {} if calibration.dynamics is None else {"rows": 10**9}
 
 
 def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:
     """The same parts of a recording; which columns were taken for what is noted, and what is in doubt or damaged."""
-    damage, of_table = "", reader_of(path, options) is not bag_batches
+    damage, of_table = "", not read_as_bag(path, options)
     little = of_table
     for k, part in enumerate(parts):
         if k == 0 and (columns := part.read_as.get("columns")):
@@ -178,11 +188,12 @@ def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Te
 
 
 def _row_by_row(
-    pairs: Iterable[Table], path: str | Path, options: Options, tool: Calibration, treatment: Treatment, note: Tell
+    pairs: Iterable[Block], path: str | Path, options: Options, tool: Calibration, treatment: Treatment, note: Tell
 ) -> Iterator[ContactWrenches]:
     """Of a table of pairs, each row by itself; those without a reading have no contact wrench."""
-    lacking, (tables, readings), off = 0, tee(pairs), OffThroughout(tool)
-    told = _telling((samples_of(table, path) for table in readings), path, options, note)
+    lacking, off = 0, OffThroughout(tool)
+    tables, readings = tee(block for block in pairs if isinstance(block, Table))
+    told = _telling(map(samples_of, readings), path, options, note)
     for samples, table in zip(told, tables, strict=True):
         rows = _plain(tool, with_accelerations(samples, path, options), treatment)
         off.add(rows)
@@ -200,7 +211,12 @@ def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> 
 
 
 def _paired(
-    path: str | Path, options: Options, calibration: Calibration, treatment: Treatment, advance: Advance, note: Tell
+    recording: Iterable[Streams],
+    path: str | Path,
+    options: Options,
+    calibration: Calibration,
+    treatment: Treatment,
+    note: Tell,
 ) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
     order, delay = InOrder(), treatment.applied_delay(calibration)
@@ -208,8 +224,7 @@ def _paired(
         whose = "the calibration's" if treatment.delay is None else "as stated"
         by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
         note(f"the wrench is taken to be stamped {by} than the orientation, {whose}")
-    every_row = batches(path, options, advance=advance, every=True, **_at_once(calibration))
-    listened = order.listening(_telling(every_row, path, options, note))
+    listened = order.listening(_telling(recording, path, options, note))
     parts = synchronized(listened, delay, at_their_pace=calibration.dynamics is not None)
     begun = list(islice(parts, 2))
     compensator, standing, off = None, Standing(), OffThroughout(calibration)
