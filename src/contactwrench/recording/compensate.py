@@ -29,7 +29,7 @@ from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
 from ..samples.synchronize import NOT_A_NUMBER, synchronized
 from ..samples.timestamps import spread_evenly
-from .accelerations import with_accelerations
+from .accelerations import accelerometer_of, with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
 from .contacts_in_doubt import InDoubt, OffThroughout
@@ -191,11 +191,11 @@ def _row_by_row(
     pairs: Iterable[Block], path: str | Path, options: Options, tool: Calibration, treatment: Treatment, note: Tell
 ) -> Iterator[ContactWrenches]:
     """Of a table of pairs, each row by itself; those without a reading have no contact wrench."""
-    lacking, off = 0, OffThroughout(tool)
+    lacking, off, imu = 0, OffThroughout(tool), accelerometer_of(path, options)
     tables, readings = tee(block for block in pairs if isinstance(block, Table))
     told = _telling(map(samples_of, readings), path, options, note)
     for samples, table in zip(told, tables, strict=True):
-        rows = _plain(tool, with_accelerations(samples, path, options), treatment)
+        rows = _plain(tool, with_accelerations(samples, imu), treatment)
         off.add(rows)
         if len(rows) < len(table) and table.t is not None:
             lacks, lacking = ~table.has_reading, lacking + len(table) - len(rows)
@@ -219,7 +219,7 @@ def _paired(
     note: Tell,
 ) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
-    order, delay = InOrder(), treatment.applied_delay(calibration)
+    order, delay, imu = InOrder(), treatment.applied_delay(calibration), accelerometer_of(path, options)
     if delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
         by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
@@ -243,7 +243,7 @@ def _paired(
             fast=None if len(begun) > 1 else False,  # one batch is done before the step is compiled
         )
     for part in chain(begun, parts):
-        samples = with_accelerations(part.samples, path, options)
+        samples = with_accelerations(part.samples, imu)
         wrenches = standing.marked(_of_samples(calibration, compensator, samples, treatment), samples)
         if compensator is None:
             off.add(wrenches)

@@ -17,7 +17,7 @@ from ..samples.bursts import even_rows
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
 from ..samples.timestamps import begins_anew, counted_on
-from .accelerations import with_accelerations
+from .accelerations import accelerometer_of, with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .bags.read import bag_batches
 from .options import AS_USUAL, Options
@@ -138,7 +138,7 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
     many readings at a limit, which leave too little of what will be asked for.
     """
     samples, notes = even_rows(samples)
-    samples = with_accelerations(samples, path, options)
+    samples = with_accelerations(samples, accelerometer_of(path, options))
     if begins_anew(samples) and is_stream(samples):
         samples, anew = counted_on(samples)
         notes += anew
