@@ -77,18 +77,11 @@ class _Taken:
 def as_calibrated(
     path: Path, options: Options, stated: Collection[str], calibration: Calibration, *, gravity_stated: bool = False
 ) -> AsCalibrated:
-    """Complete the options of reading by those of a calibration, and bring that into the recording's base.
+    """Complete the options of reading, of which somebody `stated` some, by those of a calibration, and bring that into
+    the recording's base, unless `gravity_stated`: in which no other direction matters then.
 
-    Args:
-        path: the recording.
-        options: how it is written.
-        stated: the names of those options that somebody stated; the others are as usual.
-        calibration: of its tool.
-        gravity_stated: whether the direction of gravity is known in the recording's base, so that no other one matters.
-
-    Raises:
-        FileAccessError, FileFormatError, MissingExtraError: the recording cannot be read so.
-        InputError: an option of the calibration that may or may not hold here; a base that nobody knows against its.
+    Raises as reading, and `InputError` for an option of the calibration that may or may not hold here, and for a base
+    that nobody knows against its.
     """
     known = remembered(calibration.provenance)
     left_open = {name: value for name, value in known.items() if name not in stated}

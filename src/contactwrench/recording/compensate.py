@@ -97,17 +97,7 @@ def compensated(
     A table whose rows each have both comes row by row as it is, with the std that the calibration alone causes, where
     nothing is judged, no `delay` is stated, and its first rows are no motion that the calibration's would concern;
     anything else says of each row whether it is valid. A `low_pass` or an inertia takes the whole recording at once.
-
-    Args:
-        path: the recording.
-        options: how it is written.
-        calibration: of its tool.
-        treatment: what else to do.
-        advance: is told how far it is.
-        note: is told, at the end, what was left out and why.
-
-    Raises:
-        ContactWrenchError: as reading, pairing and compensating raise it.
+    `note` is told, at the end, what was left out and why. Raises as reading, pairing and compensating.
     """
     require_frame(calibration, treatment.output_frame)
     if options.imu is not None and (calibration.dynamics is None or calibration.dynamics.accelerometer is None):

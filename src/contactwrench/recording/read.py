@@ -83,15 +83,9 @@ def begins_with_pairs(path: str | Path, options: Options = AS_USUAL) -> bool:
 
 
 def read_streams(path: str | Path, options: Options = AS_USUAL) -> Streams:
-    """A recording as it is, each stream at its own times. Of one table a row belongs to both streams, or to one where
-    its other cells are empty. Raises as `read`.
-
-    Args:
-        path: the file or folder.
-        options: how it is written.
-
-    Returns:
-        Wrench in N and N m, sensor axes, pull sign, NaN where there is none; orientations of `R_base_flange`; s.
+    """A recording as it is, each stream at its own times: wrench in N and N m, sensor axes, pull sign, NaN where there
+    is none; orientations of `R_base_flange`; s. Of one table a row belongs to both streams, or to one where its other
+    cells are empty. Raises as `read`.
     """
     return Streams.concatenate(list(batches(path, options)))
 

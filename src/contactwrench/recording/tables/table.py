@@ -111,18 +111,8 @@ def open_set(path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS) -> O
 def tables(
     path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS, advance: Advance = unheard, *, wrench: bool = True
 ) -> Iterator[Table]:
-    """A table block by block.
-
-    Args:
-        path: the file, or a folder of Parquet files.
-        naming: which columns are what, as far as it was stated.
-        rows: of a block, about.
-        advance: is told how far it is.
-        wrench: False: of two files the one with the orientations.
-
-    Raises:
-        FileAccessError: where the file cannot be read.
-        FileFormatError: naming the file, the row and the column.
+    """A table, or a folder of Parquet files, in blocks of about so many `rows`; without a `wrench`, of two files the
+    one with the orientations. Raises `FileAccessError`, and `FileFormatError` naming the file, the row and the column.
     """
     table = open_table(path, naming, rows)
     roles = roles_of(table, naming, wrench=wrench)
