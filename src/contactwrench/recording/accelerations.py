@@ -15,7 +15,7 @@ from ..samples.accelerometer import AccelerometerStream, with_accelerometer
 from ..samples.bursts import bursts_in, spread
 from ..samples.samples import Samples
 from .bags.messages import accelerations
-from .bags.open import SUFFIXES_OF_BAGS, is_bag, messages, opened_bag
+from .bags.open import is_bag, messages, opened_bag
 from .bags.topics import acceleration_topic
 from .options import Options
 from .tables.columns import AS_NAMED, Column, Naming, listed
@@ -37,7 +37,7 @@ def accelerometer_of(path: str | Path, options: Options) -> AccelerometerStream 
     names_a_table = suffix and suffix in SUFFIXES_OF_TABLES
     if names_a_table or os.path.exists(options.imu):
         stream = _of_table(options.imu, None, AS_NAMED)
-    elif Path(path).suffix.lower() in SUFFIXES_OF_BAGS or is_bag(path):
+    elif is_bag(path):
         stream = _of_bag(path, options)
     else:
         stream = _of_table(path, options.imu, options)

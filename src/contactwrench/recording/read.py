@@ -206,26 +206,8 @@ def read(
         InputError: the arguments do not fit the kind of file.
         MissingExtraError: a package that this kind of file needs is not installed.
     """
-    options = Options(
-        orientation=orientation,
-        wrench_columns=wrench_columns,
-        time_column=time_column,
-        units=units,
-        hdf5=hdf5,
-        episode=episode,
-        rate=rate,
-        wrench_frame=wrench_frame,
-        sign=sign,
-        inverse_orientation=inverse_orientation,
-        wrench_topic=wrench_topic,
-        pose_topic=pose_topic,
-        frames=frames,
-        robot=robot,
-        pose_file=None if pose_file is None else Path(pose_file),
-        base_frame=base_frame,
-        accept_damaged=accept_damaged,
-        imu=imu,
-    )
+    stated = {name: value for name, value in locals().items() if name != "path"}
+    options = Options(**stated | {"pose_file": None if pose_file is None else Path(pose_file)})
     notes = list[str]()
     samples = read_samples(path, options, tell=notes.append)
     return replace(samples, notes=tuple(notes))
