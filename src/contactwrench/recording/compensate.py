@@ -5,7 +5,6 @@ One row comes out for each reading, in its order. Where it has no orientation, o
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,11 +16,13 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
+from ..compensate.bias_tracking import free_mean
 from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
 from ..compensate.delay import delay_of, std_of_delay
 from ..compensate.filters import LowPass, smoothed
 from ..errors import InputError
+from ..estimation.calibrate import calibrate
 from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY, DURATION
 from ..samples.bursts import bursts_in, even_rows, spread
@@ -30,21 +31,14 @@ from ..samples.samples import Samples, Streams
 from ..samples.synchronize import NOT_A_NUMBER, synchronized
 from ..samples.timestamps import spread_evenly
 from .accelerations import accelerometer_of, with_accelerations
-from .bags.copy import write_bag_with
-from .bags.open import SUFFIXES_OF_BAGS
 from .contacts_in_doubt import InDoubt, OffThroughout
 from .in_order import NOTHING, InOrder, without_wrench
-from .new_zero import with_zero_of
 from .options import Options
-from .read import Block, are_pairs, as_streams, begins_with_pairs, blocks, read_as_bag, samples_of
+from .read import Block, are_pairs, as_streams, batches, blocks, read_as_bag, samples_of
 from .standing import Standing
 from .tables.columns import ROWS, Advance, Tell, unheard
-from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
-from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
-from .tables.parquet import is_parquet
 from .tables.table import Table, without_reading
-from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
 
@@ -104,7 +98,7 @@ def compensated(
         options = replace(options, imu=None)
         note("--imu is not used: the calibration has no inertia that counts from an accelerometer")
     if treatment.zero is not None:
-        calibration = with_zero_of(path, options, calibration.with_gravity(treatment.gravity), treatment.zero)
+        calibration = _with_zero_of(path, options, calibration.with_gravity(treatment.gravity), treatment.zero)
     rows = ROWS if calibration.dynamics is None else ALL_ROWS
     read = blocks(path, options, rows, advance)
     first = next(read)
@@ -126,35 +120,28 @@ def _goes_row_by_row(first: Block, calibration: Calibration, treatment: Treatmen
     return not (late or (of_bursts and calibration.dynamics is not None))
 
 
-def require_writable(output: Path, path: Path, options: Options) -> None:
-    """Raise `InputError` for an output that is neither a table nor, of a bag, a bag."""
-    suffix, is_bag = output.suffix.lower(), read_as_bag(path, options)
-    if suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET) or (is_bag and suffix in SUFFIXES_OF_BAGS):
-        return
-    more = ", or a bag" if is_bag else ""
-    raise InputError(f"{output}: found the suffix {suffix}, expected .csv or .parquet{more}: name it so")
+def _with_zero_of(path: str | Path, options: Options, calibration: Calibration, seconds: float) -> Calibration:
+    """The calibration with the bias of a recording's first `seconds`, in which nothing may touch the tool, at rest.
 
-
-def write_compensated(
-    output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str, note: Tell
-) -> str | None:
-    """Write what `compensated` makes of a recording, batch by batch, in the axes `output_frame`; the topic in which a
-    bag has it. Of a whole set the options are those of one of its recordings.
-
-    `output` `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the bag
-    with the contact wrench beside each reading; `note` is told what that of a damaged one lacks. Raises
-    `ContactWrenchError` as the writers do.
+    Raises `InputError` where these move, scatter or are too few, and as reading and pairing raise it.
     """
-    like_folder = os.path.isdir(path) and not output.suffix and str(output) != "-"
-    if read_as_bag(path, options) and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
-        frame = None if output_frame == "sensor" else output_frame
-        wrenches = (batch.wrench for batch in recording)
-        topic, accept = options.wrench_topic, options.accept_damaged
-        return write_bag_with(path, output, wrenches, wrench_topic=topic, frame=frame, accept_damaged=accept, note=note)
-    beside = is_parquet(path) and output.suffix.lower() in SUFFIXES_OF_PARQUET
-    every_row = beside and begins_with_pairs(path, options)
-    write_contact_wrenches(output, recording, path, options, every_row=every_row)
-    return None
+    first, begin = list[Samples](), np.nan
+    for part in synchronized(batches(path, options)):
+        samples = part.samples
+        if samples.t is None or not len(samples):
+            continue
+        begin = samples.t[0] if np.isnan(begin) else begin
+        first.append(samples.select(samples.t < begin + seconds))
+        if len(first[-1]) < len(samples):
+            break
+    wrench = np.concatenate([np.empty((0, 6)), *(samples.wrench for samples in first)])
+    orientation = np.concatenate([np.empty((0, 3, 3)), *(samples.R_base_flange for samples in first)])
+    try:
+        _, _, R = free_mean(calibration, Samples(wrench, orientation), None)
+    except InputError as error:
+        raise InputError(f"{path}, its first {seconds:g} s: {error}") from None
+    zeroed = calibrate(Samples(wrench, np.broadcast_to(R, orientation.shape), source=str(path)), prior=calibration)
+    return replace(zeroed, still_noise=calibration.still_noise)
 
 
 def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:
