@@ -107,6 +107,7 @@ def compensate_recording(
     notes: list[str] = []
     log = ContactLog()
     if episodes:
+        begins_with_pairs(path, options)  # raises where none can be read, before one of them is named
         rows = compensated_set(
             path, options, calibration, treatment, episodes, advance, notes.append, accept_damaged=accept_damaged
         )
