@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain, islice, tee
+from itertools import chain, islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -168,11 +168,16 @@ def _row_by_row(
     pairs: Iterable[Block], path: str | Path, options: Options, tool: Calibration, treatment: Treatment, note: Tell
 ) -> Iterator[ContactWrenches]:
     """Of a table of pairs, each row by itself; those without a reading have no contact wrench."""
-    lacking, off, imu = 0, OffThroughout(tool), accelerometer_of(path, options)
-    tables, readings = tee(block for block in pairs if isinstance(block, Table))
-    told = _telling(map(samples_of, readings), path, options, note)
-    for samples, table in zip(told, tables, strict=True):
-        rows = _plain(tool, with_accelerations(samples, imu), treatment)
+    lacking, off, imu, read = 0, OffThroughout(tool), accelerometer_of(path, options), list[Table]()
+
+    def readings() -> Iterator[Samples]:
+        for block in pairs:
+            if isinstance(block, Table):
+                read[:] = [block]  # and not by tee, which holds on to dozens of blocks
+                yield samples_of(block)
+
+    for samples in _telling(readings(), path, options, note):
+        table, rows = read[0], _plain(tool, with_accelerations(samples, imu), treatment)
         off.add(rows)
         if len(rows) < len(table) and table.t is not None:
             lacks, lacking = ~table.has_reading, lacking + len(table) - len(rows)
