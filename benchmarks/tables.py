@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 import contactwrench as cw
-from contactwrench.compensate.contact_wrenches import contact_wrenches
-from contactwrench.recording.read import batches, pairs_in_batches, read_streams, samples_of
+from contactwrench.recording import compensate
+from contactwrench.recording.options import AS_USUAL
+from contactwrench.recording.read import batches, read_streams
 from contactwrench.recording.tables.columns import ROWS as BLOCK
 from contactwrench.recording.tables.write import write_contact_wrenches
 from tests.support.world import Array, noisy_readings, random_rotations
@@ -73,10 +74,7 @@ def _calibration() -> cw.Calibration:
 
 def compensated(path: Path, output: Path) -> None:
     """As `contactwrench compensate` does it."""
-    pairs = pairs_in_batches(path)
-    if pairs is None:
-        raise ValueError("expected a table of pairs")
-    rows = (contact_wrenches(_calibration(), samples_of(some, path)) for some in pairs)
+    rows = compensate.compensated(path, AS_USUAL, _calibration(), compensate.Treatment())
     write_contact_wrenches(output, rows, path)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -155,7 +155,7 @@ def test_batches_are_the_whole(
     path, layout = write_two_files(tmp_path)
     treatment = Treatment(delay=LATE, judged=judged, noise=NOISE, output_frame="base", point=TIP)
     once = whole(list(compensated(path, layout, calibration, treatment)))
-    monkeypatch.setattr(compensation, "batches", partial(streaming.batches, rows=rows))
+    monkeypatch.setattr(compensation, "ROWS", rows)
     parts = list(compensated(path, layout, calibration, treatment))
     in_parts = whole(parts)
     assert len(parts) > 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.recording import compensate as compensation
-from contactwrench.recording import read as streaming
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.recording.compensate import Treatment
 from contactwrench.recording.options import Options
@@ -59,7 +58,7 @@ def test_a_delay_that_is_stated_counts_wherever_the_motion_begins(
     tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The arm stands still for longer than what is read at once."""
-    monkeypatch.setattr(compensation, "batches", partial(streaming.batches, rows=2000))
+    monkeypatch.setattr(compensation, "ROWS", 2000)
     _, rig, rng = calibrated(3)
     rest, turn = 3400, np.deg2rad(60.0) * np.arange(1000) / RATE
     about_y = Rotation.from_rotvec(np.outer(np.r_[np.zeros(rest), turn], [0, 1, 0]))

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import Contact, ContactWrenches
 from contactwrench.recording import compensate as compensation
-from contactwrench.recording import read as streaming
 from contactwrench.recording.compensate import Treatment, compensated
 from contactwrench.recording.contacts_in_doubt import InDoubt, OffThroughout
 from contactwrench.recording.options import Options
@@ -40,7 +39,7 @@ FROM_HALF = f"in contact for 50% of the time, from 30.1 s on to the end by a for
 @pytest.fixture(autouse=True)
 def in_batches(monkeypatch: pytest.MonkeyPatch) -> None:
     """So that the step is compiled, which a recording of one batch is not worth."""
-    monkeypatch.setattr(compensation, "batches", partial(streaming.batches, rows=N // 2))
+    monkeypatch.setattr(compensation, "ROWS", N // 2)
 
 
 def turning(n: int, rng: np.random.Generator) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.errors import ContactWrenchError, FileFormatError
 from contactwrench.recording import compensate as compensation
-from contactwrench.recording import read as streaming
 from contactwrench.recording.compensate import Treatment
 from contactwrench.recording.compensate_set import compensated_set
 from contactwrench.recording.contents import table_contents
@@ -272,7 +271,7 @@ def test_what_was_done_of_an_episode_before_it_ended_stays_and_no_row_is_there_t
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In batches of five rows; one of the third in the second episode has a quaternion that is none."""
-    monkeypatch.setattr(compensation, "pairs_in_batches", partial(streaming.pairs_in_batches, rows=5))
+    monkeypatch.setattr(compensation, "ROWS", 5)
     table = np.column_stack([Motion.wrench, QUAT, 0.1 * np.arange(60.0), EPISODES])
     table[33, 6:10] *= 1.3
     path = written(tmp_path, csv_text((*WRENCH, "qx", "qy", "qz", "qw", "t", "episode_index"), table))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import contactwrench as cw
 from contactwrench.errors import ContactWrenchError, FileAccessError, FileFormatError, MissingExtraError
 from contactwrench.recording.options import Options
-from contactwrench.recording.read import batches, pairs_in_batches, read_streams
+from contactwrench.recording.read import batches, begins_with_pairs, read_streams
 from tests.recording.test_bad_files import assert_one_line_that_names
 from tests.recording.test_tables import HEADER, Motion, assert_same, joined, rows, with_gaps
 from tests.support.recordings import MATRIX, PANDA, WRENCH, run, written
@@ -72,7 +72,7 @@ def test_nulls_and_nans_are_gaps(tmp_path: Path) -> None:
         path = stored(tmp_path, table, row_group_size=11)
         assert_same(read_streams(path), Motion.R, Motion.posed)
         assert_same(joined(list(batches(path, rows=4))), Motion.R, Motion.posed)
-        assert pairs_in_batches(path) is None
+        assert not begins_with_pairs(path)
 
 
 def test_csv_and_parquet_say_the_same_to_the_last_digit(tmp_path: Path) -> None:

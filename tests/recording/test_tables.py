@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 import contactwrench as cw
 from contactwrench.errors import ContactWrenchError, FileFormatError, InputError
 from contactwrench.recording.options import Options
-from contactwrench.recording.read import batches, pairs_in_batches, read_streams, samples_of
+from contactwrench.recording.read import are_pairs, batches, begins_with_pairs, blocks, read_streams, samples_of
 from contactwrench.recording.tables.csv import open_csv
+from contactwrench.recording.tables.table import Table
 from contactwrench.samples.samples import Streams
 from tests.recording.test_bad_files import assert_one_line_that_names
 from tests.support.recordings import MATRIX, PANDA, WRENCH, Array, csv_text, run, written
@@ -419,24 +420,23 @@ def test_diagnose_passes_over_rows_that_lack_something(tmp_path: Path, capsys: p
 
 def test_pairs_come_in_batches(tmp_path: Path) -> None:
     path = written(tmp_path, csv_text(HEADER, rows()))
-    found = pairs_in_batches(path, rows=7)
-    assert found is not None
-    parts = list(found)
+    parts = [block for block in blocks(path, rows=7) if are_pairs(block)]
     assert [len(part) for part in parts[:2]] == [6, 7]  # the header is a line too
     assert np.array_equal(np.concatenate([part.wrench for part in parts]), Motion.wrench)
     assert np.concatenate([part.orientation for part in parts]) == pytest.approx(Motion.R, abs=1e-12)
-    assert pairs_in_batches(written(tmp_path, with_gaps())) is None
-    assert pairs_in_batches(*two_files(tmp_path)) is None
+    assert begins_with_pairs(path)
+    assert not begins_with_pairs(written(tmp_path, with_gaps()))
+    assert not begins_with_pairs(*two_files(tmp_path))
 
 
 def test_an_orientation_that_is_missing_late_is_named(tmp_path: Path) -> None:
     table = csv_text(HEADER, rows()).splitlines()
     table[51] = ",".join([*table[51].split(",")[:7], *[""] * 12])
     path = written(tmp_path, "\n".join(table))
-    found = pairs_in_batches(path, rows=20)
-    assert found is not None
+    found = [block for block in blocks(path, rows=20) if isinstance(block, Table)]
+    assert are_pairs(found[0])
     with pytest.raises(FileFormatError) as caught:
-        [samples_of(table, path) for table in found]
+        [samples_of(table) for table in found]
     assert str(caught.value) == (
         f"{path}: found a wrench without an orientation at t = 100.050000 s, expected one in each row as in the first "
         "rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
@@ -490,4 +490,4 @@ def test_a_bag_is_read_by_the_same_flags(tmp_path: Path, name: str) -> None:
     assert np.array_equal(turned.wrench.wrench, -Motion.wrench)
     assert turned.orientation.R_base_flange == pytest.approx(Motion.R[Motion.posed].transpose(0, 2, 1), abs=1e-9)
     assert refusal(path, Options(wrench_frame="base")).startswith("found a wrench in base axes without an orientation")
-    assert pairs_in_batches(path) is None
+    assert not begins_with_pairs(path)

@@ -102,9 +102,9 @@ def compensate(
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration.calibration import Calibration
     from ..compensate.noise import with_torques
-    from ..recording.compensate import Treatment, require_writable
+    from ..recording.compensate import Treatment
     from ..recording.compensate_set import one_of_set
-    from ..report.contacts import compensate_recording
+    from ..report.contacts import compensate_recording, require_writable
 
     episodes, accept = _episodes(recording, report) if all_episodes else [], recording.options.accept_damaged
     if episodes:

@@ -15,7 +15,7 @@ from ..samples.accelerometer import AccelerometerStream, with_accelerometer
 from ..samples.bursts import bursts_in, spread
 from ..samples.samples import Samples
 from .bags.messages import accelerations
-from .bags.open import SUFFIXES_OF_BAGS, is_bag, messages, opened_bag
+from .bags.open import is_bag, messages, opened_bag
 from .bags.topics import acceleration_topic
 from .options import Options
 from .tables.columns import AS_NAMED, Column, Naming, listed
@@ -27,24 +27,28 @@ OF_AXIS = re.compile(r"(?!.*angular)(?:.*[/._ ])?(?:linear_?)?a(?:cc(?:el(?:erat
 """The column of an axis, as ax, acc_x, accel_x, linear_acceleration.x."""
 
 
-def with_accelerations(samples: Samples, path: str | Path, options: Options) -> Samples:
-    """The samples of a recording with what `options.imu` names beside them, if it does.
-
-    Raises:
-        FileAccessError, FileFormatError: it cannot be read, or holds no accelerations.
-        InputError: it has no times in common with the wrench.
+def accelerometer_of(path: str | Path, options: Options) -> AccelerometerStream | None:
+    """What `options.imu` names in a recording or beside it; None where it names nothing. Raises `FileAccessError` and
+    `FileFormatError` where it cannot be read, or holds no accelerations.
     """
-    if options.imu is None or not len(samples):
-        return samples
+    if options.imu is None:
+        return None
     suffix = Path(options.imu).suffix.lower()
     names_a_table = suffix and suffix in SUFFIXES_OF_TABLES
     if names_a_table or os.path.exists(options.imu):
         stream = _of_table(options.imu, None, AS_NAMED)
-    elif Path(path).suffix.lower() in SUFFIXES_OF_BAGS or is_bag(path):
+    elif is_bag(path):
         stream = _of_bag(path, options)
     else:
         stream = _of_table(path, options.imu, options)
-    return with_accelerometer(samples, replace(stream, t=spread(stream.t, bursts_in(stream.t))))
+    return replace(stream, t=spread(stream.t, bursts_in(stream.t)))
+
+
+def with_accelerations(samples: Samples, stream: AccelerometerStream | None) -> Samples:
+    """The samples with an accelerometer's readings beside them, if there are both. Raises `InputError` where they have
+    no times in common.
+    """
+    return samples if stream is None or not len(samples) else with_accelerometer(samples, stream)
 
 
 def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:

@@ -21,11 +21,11 @@ from ..files import name_of
 from ..geometry.orientation import RECOGNISED_BY_NAME
 from .bags.chunks import Topic
 from .bags.open import Bag, opened_bag
-from .bags.read import bag_batches, base_frame
+from .bags.read import base_frame
 from .bags.topics import pose_topics, wrench_topic
 from .base_frames import in_base_of_recording
 from .options import AS_USUAL, OF_MEANING, Options, remembered
-from .read import reader_of
+from .read import read_as_bag
 from .tables.columns import ColumnRoles, shown, taken_for
 from .tables.roles import roles_of, wrench_columns
 from .tables.table import open_table
@@ -77,43 +77,36 @@ class _Taken:
 def as_calibrated(
     path: Path, options: Options, stated: Collection[str], calibration: Calibration, *, gravity_stated: bool = False
 ) -> AsCalibrated:
-    """Complete the options of reading by those of a calibration, and bring that into the recording's base.
+    """Complete the options of reading, of which somebody `stated` some, by those of a calibration, and bring that into
+    the recording's base, unless `gravity_stated`: in which no other direction matters then.
 
-    Args:
-        path: the recording.
-        options: how it is written.
-        stated: the names of those options that somebody stated; the others are as usual.
-        calibration: of its tool.
-        gravity_stated: whether the direction of gravity is known in the recording's base, so that no other one matters.
-
-    Raises:
-        FileAccessError, FileFormatError, MissingExtraError: the recording cannot be read so.
-        InputError: an option of the calibration that may or may not hold here; a base that nobody knows against its.
+    Raises as reading, and `InputError` for an option of the calibration that may or may not hold here, and for a base
+    that nobody knows against its.
     """
     known = remembered(calibration.provenance)
     left_open = {name: value for name, value in known.items() if name not in stated}
-    of_bag = reader_of(path, options) is bag_batches
-    was_bag = "wrench_topic" in known if known.keys() & {"orientation", "wrench_topic"} else of_bag
-    fitting = left_open if was_bag == of_bag else {}
-    taken = _of_bag(path, options, stated, fitting) if of_bag else _of_table(path, options, fitting)
+    is_bag = read_as_bag(path, options)
+    was_bag = "wrench_topic" in known if known.keys() & {"orientation", "wrench_topic"} else is_bag
+    fitting = left_open if was_bag == is_bag else {}
+    taken = _of_bag(path, options, stated, fitting) if is_bag else _of_table(path, options, fitting)
     read = replace(options, **taken.values)
     others = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
     changed = set(others)
     meant = {n: value for n, value in left_open.items() if n in OF_MEANING and value != getattr(AS_USUAL, n)}
-    by_names = not (of_bag or was_bag or read.wrench_columns or "units" in others)
+    by_names = not (is_bag or was_bag or read.wrench_columns or "units" in others)
     units = taken.values.get("units", "")
     asked = meant | ({"units": units} if "force" in units or "torque" in units else {})
     if asked and by_names and _wrench_has_other_names(path, read, calibration):
         changed.add("wrench_columns")
     for name, value in asked.items():
-        if was_bag != of_bag or GOES_WITH[name] in changed:
-            found = "other columns" if was_bag == of_bag else "a bag" if of_bag else "a table"
+        if was_bag != is_bag or GOES_WITH[name] in changed:
+            found = "other columns" if was_bag == is_bag else "a bag" if is_bag else "a table"
             raise InputError(
                 f"{name_of(path)}: found {found}, and a calibration read with {_flags({name: value})}, expected to be "
                 f"told whether that holds here: repeat it, or say {OTHERWISE[name]}"
             )
     read = replace(read, **meant)
-    if not (of_bag or was_bag):
+    if not (is_bag or was_bag):
         _require_units(path, read, calibration.provenance)
     taken_on = {name: value for name, value in taken.values.items() if name not in taken.anyhow} | meant
     notes = [f"read as the calibration was: {_flags(taken_on)}"] if taken_on else []

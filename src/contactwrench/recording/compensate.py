@@ -5,10 +5,10 @@ One row comes out for each reading, in its order. Where it has no orientation, o
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain, islice, tee
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -16,11 +16,13 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
+from ..compensate.bias_tracking import free_mean
 from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
 from ..compensate.delay import delay_of, std_of_delay
 from ..compensate.filters import LowPass, smoothed
 from ..errors import InputError
+from ..estimation.calibrate import calibrate
 from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY, DURATION
 from ..samples.bursts import bursts_in, even_rows, spread
@@ -28,24 +30,20 @@ from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
 from ..samples.synchronize import NOT_A_NUMBER, synchronized
 from ..samples.timestamps import spread_evenly
-from .accelerations import with_accelerations
-from .bags.copy import write_bag_with
-from .bags.open import SUFFIXES_OF_BAGS
-from .bags.read import bag_batches
+from .accelerations import accelerometer_of, with_accelerations
 from .contacts_in_doubt import InDoubt, OffThroughout
 from .in_order import NOTHING, InOrder, without_wrench
-from .new_zero import with_zero_of
 from .options import Options
-from .read import batches, pairs_in_batches, reader_of, samples_of
+from .read import Block, are_pairs, as_streams, batches, blocks, read_as_bag, samples_of
 from .standing import Standing
-from .tables.columns import Advance, Tell, unheard
-from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from .tables.columns import ROWS, Advance, Tell, unheard
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
-from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.table import Table, without_reading
-from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
+
+ALL_ROWS = 10**9
+"""At once, where accelerations are taken from what comes before and after."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,73 +91,62 @@ def compensated(
     A table whose rows each have both comes row by row as it is, with the std that the calibration alone causes, where
     nothing is judged, no `delay` is stated, and its first rows are no motion that the calibration's would concern;
     anything else says of each row whether it is valid. A `low_pass` or an inertia takes the whole recording at once.
-
-    Args:
-        path: the recording.
-        options: how it is written.
-        calibration: of its tool.
-        treatment: what else to do.
-        advance: is told how far it is.
-        note: is told, at the end, what was left out and why.
-
-    Raises:
-        ContactWrenchError: as reading, pairing and compensating raise it.
+    `note` is told, at the end, what was left out and why. Raises as reading, pairing and compensating.
     """
     require_frame(calibration, treatment.output_frame)
     if options.imu is not None and (calibration.dynamics is None or calibration.dynamics.accelerometer is None):
         options = replace(options, imu=None)
         note("--imu is not used: the calibration has no inertia that counts from an accelerometer")
     if treatment.zero is not None:
-        calibration = with_zero_of(path, options, calibration.with_gravity(treatment.gravity), treatment.zero)
-    pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
-    first = None if pairs is None else next(pairs)
-    evenly, of_bursts = (None, ()) if first is None else even_rows(samples_of(first, path))
-    late = treatment.applied_delay(calibration) != 0.0 and (
-        treatment.delay is not None or (evenly is not None and is_stream(evenly))
-    )
-    if pairs is None or first is None or late or (of_bursts and calibration.dynamics is not None):
-        return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
-    return _smoothed(_row_by_row(chain([first], pairs), path, options, calibration, treatment, note), treatment)
+        calibration = _with_zero_of(path, options, calibration.with_gravity(treatment.gravity), treatment.zero)
+    rows = ROWS if calibration.dynamics is None else ALL_ROWS
+    read = blocks(path, options, rows, advance)
+    first = next(read)
+    recording, every = chain(iter([first]), read), are_pairs(first)  # an iterator lets go of what it gave
+    if _goes_row_by_row(first, calibration, treatment):
+        done = _row_by_row(recording, path, options, calibration, treatment, note)
+    else:
+        streams = map(partial(as_streams, every=every), recording)
+        done = _paired(streams, path, options, calibration, treatment, note)
+    return _smoothed(done, treatment)
 
 
-def require_writable(output: Path, path: Path, options: Options) -> None:
-    """Raise `InputError` for an output that is neither a table nor, of a bag, a bag."""
-    suffix, of_bag = output.suffix.lower(), reader_of(path, options) is bag_batches
-    if suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET) or (of_bag and suffix in SUFFIXES_OF_BAGS):
-        return
-    more = ", or a bag" if of_bag else ""
-    raise InputError(f"{output}: found the suffix {suffix}, expected .csv or .parquet{more}: name it so")
+def _goes_row_by_row(first: Block, calibration: Calibration, treatment: Treatment) -> bool:
+    """Whether a recording that begins with a block of pairs can be taken as it is, row by row."""
+    if treatment.judged or not are_pairs(first):
+        return False
+    evenly, of_bursts = even_rows(samples_of(first))
+    late = treatment.applied_delay(calibration) != 0.0 and (treatment.delay is not None or is_stream(evenly))
+    return not (late or (of_bursts and calibration.dynamics is not None))
 
 
-def write_compensated(
-    output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str, note: Tell
-) -> str | None:
-    """Write what `compensated` makes of a recording, batch by batch, in the axes `output_frame`; the topic in which a
-    bag has it. Of a whole set the options are those of one of its recordings.
+def _with_zero_of(path: str | Path, options: Options, calibration: Calibration, seconds: float) -> Calibration:
+    """The calibration with the bias of a recording's first `seconds`, in which nothing may touch the tool, at rest.
 
-    `output` `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the bag
-    with the contact wrench beside each reading; `note` is told what that of a damaged one lacks. Raises
-    `ContactWrenchError` as the writers do.
+    Raises `InputError` where these move, scatter or are too few, and as reading and pairing raise it.
     """
-    like_folder = os.path.isdir(path) and not output.suffix and str(output) != "-"
-    is_bag = reader_of(path, options) is bag_batches
-    if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
-        frame = None if output_frame == "sensor" else output_frame
-        wrenches = (batch.wrench for batch in recording)
-        topic, accept = options.wrench_topic, options.accept_damaged
-        return write_bag_with(path, output, wrenches, wrench_topic=topic, frame=frame, accept_damaged=accept, note=note)
-    write_contact_wrenches(output, recording, path, options, every_row=pairs_in_batches(path, options) is not None)
-    return None
-
-
-def _at_once(calibration: Calibration) -> dict[str, int]:
-    """All rows, where accelerations are taken from what comes before and after."""
-    return {} if calibration.dynamics is None else {"rows": 10**9}
+    first, begin = list[Samples](), np.nan
+    for part in synchronized(batches(path, options)):
+        samples = part.samples
+        if samples.t is None or not len(samples):
+            continue
+        begin = samples.t[0] if np.isnan(begin) else begin
+        first.append(samples.select(samples.t < begin + seconds))
+        if len(first[-1]) < len(samples):
+            break
+    wrench = np.concatenate([np.empty((0, 6)), *(samples.wrench for samples in first)])
+    orientation = np.concatenate([np.empty((0, 3, 3)), *(samples.R_base_flange for samples in first)])
+    try:
+        _, _, R = free_mean(calibration, Samples(wrench, orientation), None)
+    except InputError as error:
+        raise InputError(f"{path}, its first {seconds:g} s: {error}") from None
+    zeroed = calibrate(Samples(wrench, np.broadcast_to(R, orientation.shape), source=str(path)), prior=calibration)
+    return replace(zeroed, still_noise=calibration.still_noise)
 
 
 def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:
     """The same parts of a recording; which columns were taken for what is noted, and what is in doubt or damaged."""
-    damage, of_table = "", reader_of(path, options) is not bag_batches
+    damage, of_table = "", not read_as_bag(path, options)
     little = of_table
     for k, part in enumerate(parts):
         if k == 0 and (columns := part.read_as.get("columns")):
@@ -178,13 +165,19 @@ def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Te
 
 
 def _row_by_row(
-    pairs: Iterable[Table], path: str | Path, options: Options, tool: Calibration, treatment: Treatment, note: Tell
+    pairs: Iterable[Block], path: str | Path, options: Options, tool: Calibration, treatment: Treatment, note: Tell
 ) -> Iterator[ContactWrenches]:
     """Of a table of pairs, each row by itself; those without a reading have no contact wrench."""
-    lacking, (tables, readings), off = 0, tee(pairs), OffThroughout(tool)
-    told = _telling((samples_of(table, path) for table in readings), path, options, note)
-    for samples, table in zip(told, tables, strict=True):
-        rows = _plain(tool, with_accelerations(samples, path, options), treatment)
+    lacking, off, imu, read = 0, OffThroughout(tool), accelerometer_of(path, options), list[Table]()
+
+    def readings() -> Iterator[Samples]:
+        for block in pairs:
+            if isinstance(block, Table):
+                read[:] = [block]  # and not by tee, which holds on to dozens of blocks
+                yield samples_of(block)
+
+    for samples in _telling(readings(), path, options, note):
+        table, rows = read[0], _plain(tool, with_accelerations(samples, imu), treatment)
         off.add(rows)
         if len(rows) < len(table) and table.t is not None:
             lacks, lacking = ~table.has_reading, lacking + len(table) - len(rows)
@@ -200,16 +193,20 @@ def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> 
 
 
 def _paired(
-    path: str | Path, options: Options, calibration: Calibration, treatment: Treatment, advance: Advance, note: Tell
+    recording: Iterable[Streams],
+    path: str | Path,
+    options: Options,
+    calibration: Calibration,
+    treatment: Treatment,
+    note: Tell,
 ) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
-    order, delay = InOrder(), treatment.applied_delay(calibration)
+    order, delay, imu = InOrder(), treatment.applied_delay(calibration), accelerometer_of(path, options)
     if delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
         by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
         note(f"the wrench is taken to be stamped {by} than the orientation, {whose}")
-    every_row = batches(path, options, advance=advance, every=True, **_at_once(calibration))
-    listened = order.listening(_telling(every_row, path, options, note))
+    listened = order.listening(_telling(recording, path, options, note))
     parts = synchronized(listened, delay, at_their_pace=calibration.dynamics is not None)
     begun = list(islice(parts, 2))
     compensator, standing, off = None, Standing(), OffThroughout(calibration)
@@ -228,7 +225,7 @@ def _paired(
             fast=None if len(begun) > 1 else False,  # one batch is done before the step is compiled
         )
     for part in chain(begun, parts):
-        samples = with_accelerations(part.samples, path, options)
+        samples = with_accelerations(part.samples, imu)
         wrenches = standing.marked(_of_samples(calibration, compensator, samples, treatment), samples)
         if compensator is None:
             off.add(wrenches)

@@ -16,7 +16,7 @@ from ..statistics import counted
 from .compensate import Treatment, compensated
 from .in_order import without_wrench
 from .options import ACCEPT_FLAG, Options
-from .read import pairs_in_batches
+from .read import begins_with_pairs
 from .tables.columns import Advance, Tell, unheard
 from .tables.roles import wrench_columns
 from .tables.table import open_table
@@ -57,7 +57,7 @@ def compensated_set(
             if have_times is None and k == len(episodes):
                 raise type(error)(f"none of {counted(k, 'episode')} can be compensated: {error}") from None
             notes.append(f"left out: {error}")
-            lacking = _rows_of(path, of_it, pairs_in_batches(path, options) is not None) - done
+            lacking = _rows_of(path, of_it, begins_with_pairs(path, options)) - done
             lost.append(_of_episode(episode, without_wrench(str(error), np.full(lacking, np.nan))))
         for text in notes:
             said.setdefault(text, []).append(episode)
@@ -75,7 +75,7 @@ def one_of_set(path: str | Path, options: Options, episodes: Sequence[int]) -> O
     each = [replace(options, episode=episode, accept_damaged=False) for episode in episodes]
     for one in each:
         with suppress(ContactWrenchError):
-            pairs_in_batches(path, one)
+            begins_with_pairs(path, one)
             return one
     return each[0]
 

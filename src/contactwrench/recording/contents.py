@@ -16,10 +16,9 @@ from .bags.chunks import Logged, Topic
 from .bags.message_layout import written
 from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, Link, header_stamps, transforms
 from .bags.open import KINDS, Bag, definitions, kind_of, messages, opened_bag, part_read, seconds
-from .bags.read import bag_batches
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, note
-from .read import reader_of
+from .read import read_as_bag
 from .tables.columns import AS_NAMED, Advance, Column, OpenTable, taken_for, unheard
 from .tables.episodes import episode_column, episodes_of
 from .tables.orientations import orientation_columns
@@ -103,7 +102,7 @@ class TableContents:
 
 def contents(path: str | Path, advance: Advance = unheard) -> BagContents | TableContents:
     """What is in a recording; `advance` is told how far it is. Raises as `read_streams`."""
-    return bag_contents(path, advance) if reader_of(path) is bag_batches else table_contents(path, advance)
+    return bag_contents(path, advance) if read_as_bag(path) else table_contents(path, advance)
 
 
 def bag_contents(path: str | Path, advance: Advance = unheard) -> BagContents:

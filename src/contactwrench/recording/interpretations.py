@@ -62,17 +62,10 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     """All interpretations of a file: of its orientation, times those of its wrench.
 
     The poses are those that `calibrate` takes, each visit to an orientation for itself. Of a wrench without an
-    orientation in its row, a bag's or one of two files, base axes are no interpretation: nothing reads it so.
-
-    Args:
-        path: a recording.
-        options: the stated interpretation.
-        gravity: (3,) the stated direction, base axes.
-
-    Raises:
-        FileAccessError: where the file cannot be read.
-        FileFormatError: where columns are missing or hold no numbers, or all rows have a load.
-        InputError: for options that are none, and for a stream in which the arm never stands still.
+    orientation in its row, a bag's or one of two files, base axes are no interpretation: nothing reads it so. `gravity`
+    (3,) is the stated direction, base axes. Raises `FileAccessError`; `FileFormatError` where columns are missing or
+    hold no numbers, or all rows have a load; `InputError` for options that are none, and for a stream in which the arm
+    never stands still.
     """
     rows = rows_as_written(path, options)
     if not len(rows.wrench):

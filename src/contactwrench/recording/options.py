@@ -99,12 +99,12 @@ class Options(Naming):
         """What acts on the sensor (n, 6), of wrenches as they are written."""
         return -wrench if self.sign == "reaction" else wrench
 
-    def applied(self, table: Table, path: str | Path) -> Table:
+    def applied(self, table: Table) -> Table:
         """Wrenches in sensor axes, pull sign, and orientations of `R_base_flange`. Raises `FileFormatError`."""
         R, wrench = self.R_base_flange(table.orientation), self.pull(table.wrench)
         if self.wrench_frame == "base":
             if table.lacks_orientations:
-                raise FileFormatError(f"{path}: {IN_BASE_AXES}")
+                raise FileFormatError(f"{table.source}: {IN_BASE_AXES}")
             parts = [np.einsum("nij,ni->nj", R, part) for part in (wrench[:, :3], wrench[:, 3:])]
             wrench = np.concatenate(parts, axis=1)
         return replace(table, wrench=wrench, orientation=R, read_as=self.told(table.read_as))

@@ -30,17 +30,9 @@ class TargetPoses:
 
 
 def read_target_poses(path: str | Path, joint_count: int, orientation: str = "auto") -> TargetPoses:
-    """Read where an arm is to go.
-
-    Args:
-        path: a table with `q1` to `qN` (rad, or `q1_deg`), or an orientation by its columns' names as in a recording
-            and `x y z`; and `t`.
-        joint_count: N.
-        orientation: as in `Options`.
-
-    Raises:
-        FileAccessError: where the file cannot be read.
-        FileFormatError: naming the file, the row and the column.
+    """Read where an arm of N joints is to go: a table with `q1` to `qN` (rad, or `q1_deg`), or an `orientation` by its
+    columns' names as in a recording and `x y z`; and `t`. Raises `FileAccessError`, and `FileFormatError` naming the
+    file, the row and the column.
     """
     table = open_table(path)
     names = [f"q{k}" for k in range(1, joint_count + 1)]

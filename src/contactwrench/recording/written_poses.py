@@ -21,9 +21,8 @@ from ..geometry.arrays import Array
 from ..geometry.orientation import Convention
 from ..samples.recorded_poses import is_stream, recorded_poses
 from ..samples.samples import Samples
-from .bags.read import bag_batches
 from .options import IN_BASE_AXES, Options
-from .read import read_streams, reader_of
+from .read import read_as_bag, read_streams
 from .tables.columns import Column, ColumnRoles, Naming, OpenTable
 from .tables.orientations import orientation_columns, whole_sets
 from .tables.roles import roles_beside, wrench_columns
@@ -113,7 +112,7 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
     Rows with a saturated channel or a load are left out. A wrench without an orientation in its row has the nearest in
     time.
     """
-    if reader_of(path, options) is bag_batches:
+    if read_as_bag(path, options):
         return _of_bag(path, options)
     table = open_table(path, options)
     pose_table = table if options.pose_file is None else open_table(options.pose_file, options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -9,12 +10,20 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
+from ..errors import InputError
 from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
-from ..recording.compensate import Treatment, compensated, write_compensated
+from ..recording.bags.copy import write_bag_with
+from ..recording.bags.open import SUFFIXES_OF_BAGS
+from ..recording.compensate import Treatment, compensated
 from ..recording.compensate_set import compensated_set
 from ..recording.options import Options
-from ..recording.tables.columns import Advance, unheard
+from ..recording.read import begins_with_pairs, read_as_bag
+from ..recording.tables.columns import Advance, Tell, unheard
+from ..recording.tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from ..recording.tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
+from ..recording.tables.parquet import is_parquet
+from ..recording.tables.write import write_contact_wrenches
 from ..statistics import counted, meaningful_digits
 from .figures import AXIS_COLOURS, WIDTH, drawing, svg_text
 from .html import figure_html, page, paragraphs_html, plain_table
@@ -61,6 +70,15 @@ class ContactLog:
         self.faults += int(np.sum(~batch.valid))
 
 
+def require_writable(output: Path, path: Path, options: Options) -> None:
+    """Raise `InputError` for an output that is neither a table nor, of a bag, a bag."""
+    suffix, is_bag = output.suffix.lower(), read_as_bag(path, options)
+    if suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET) or (is_bag and suffix in SUFFIXES_OF_BAGS):
+        return
+    more = ", or a bag" if is_bag else ""
+    raise InputError(f"{output}: found the suffix {suffix}, expected .csv or .parquet{more}: name it so")
+
+
 def compensate_recording(
     path: Path,
     options: Options,
@@ -89,13 +107,14 @@ def compensate_recording(
     notes: list[str] = []
     log = ContactLog()
     if episodes:
+        begins_with_pairs(path, options)  # raises where none can be read, before one of them is named
         rows = compensated_set(
             path, options, calibration, treatment, episodes, advance, notes.append, accept_damaged=accept_damaged
         )
     else:
         rows = compensated(path, options, calibration, treatment, advance, notes.append)
     noted = log.noted(rows, treatment.judged)
-    topic = write_compensated(output, noted, path, options, treatment.output_frame, notes.append)
+    topic = _write(output, noted, path, options, treatment.output_frame, notes.append)
     lines = [summary(log, len(episodes))] if treatment.judged else []
     if str(output) != STDOUT:
         what = counted(log.rows, "row") if topic is None else f"{counted(log.rows, 'message')} of {topic}"
@@ -104,6 +123,28 @@ def compensate_recording(
         write_contact_report(report, "Contact report", log, (str(path),))
         lines.append(f"Wrote the report to {report}")
     return lines, notes
+
+
+def _write(
+    output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str, note: Tell
+) -> str | None:
+    """Write what `compensated` makes of a recording, batch by batch, in the axes `output_frame`; the topic in which a
+    bag has it. Of a whole set the options are those of one of its recordings.
+
+    `output` `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the bag
+    with the contact wrench beside each reading; `note` is told what that of a damaged one lacks. Raises
+    `ContactWrenchError` as the writers do.
+    """
+    like_folder = os.path.isdir(path) and not output.suffix and str(output) != STDOUT
+    if read_as_bag(path, options) and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
+        frame = None if output_frame == "sensor" else output_frame
+        wrenches = (batch.wrench for batch in recording)
+        topic, accept = options.wrench_topic, options.accept_damaged
+        return write_bag_with(path, output, wrenches, wrench_topic=topic, frame=frame, accept_damaged=accept, note=note)
+    beside = is_parquet(path) and output.suffix.lower() in SUFFIXES_OF_PARQUET
+    every_row = beside and begins_with_pairs(path, options)
+    write_contact_wrenches(output, recording, path, options, every_row=every_row)
+    return None
 
 
 def write_contact_report(path: str | Path, title: str, log: ContactLog, paragraphs: tuple[str, ...]) -> None:

@@ -56,26 +56,16 @@ def write_bag_with(
 
     Every other message keeps its payload, type, definition and the time at which it was recorded, in an MCAP with an
     index also its number and its time of publication; every topic keeps its quality of service or its latching; a
-    compressed bag stays compressed. A contact wrench stands behind its reading, with its stamps and its frame.
+    compressed bag stays compressed. A contact wrench stands behind its reading, with its stamps, and its frame unless
+    another `frame` is stated.
 
-    Args:
-        path_in: the bag that is read.
-        path_out: the copy, a file or a folder of the same kind.
-        wrenches: (m, 6) N and N m, as they come, a row for each message of the wrench's topic in the order of
-            `bag_batches`; a row of NaN is written as such.
-        wrench_topic: that of the readings; None: the only one.
-        topic: that of the contact wrench; None: the wrench's own with `/contact` behind it.
-        frame: in which the contact wrench is; None: that of its reading.
-        accept_damaged: copy what is left of a damaged bag.
-        note: is told, at the end, what of it was left out.
+    The `wrenches` (m, 6), N and N m, come as a row for each message of the `wrench_topic` (None: the only one) in the
+    order of `bag_batches`; a row of NaN is written as such. Their `topic`, which is given back, is the wrench's own
+    with `/contact` behind it where none is named. `note` is told, at the end, what of a damaged bag was left out.
 
-    Returns:
-        The name of the new topic.
-
-    Raises:
-        FileAccessError: the output is the input, is a folder that is there, or cannot be written.
-        FileFormatError: as `bag_batches`, and for an output of another kind.
-        InputError: the topic is there already, or there are too few or too many rows.
+    Raises as `bag_batches`; `FileAccessError` where the output is the input, is a folder that is there, or cannot be
+    written; `FileFormatError` for an output of another kind; `InputError` where the topic is there already, or there
+    are too few or too many rows.
     """
     path_in, path_out = Path(path_in), Path(path_out)
     if identity(path_in) == identity(path_out):

@@ -113,16 +113,9 @@ def kind_of(path: str | Path) -> str:
 
 @contextmanager
 def opened_bag(path: str | Path, *, accept_damaged: bool = False) -> Iterator[Bag]:
-    """An open bag, closed at the end.
-
-    Args:
-        path: a `.bag`, `.mcap` or `.db3`, or a ROS 2 folder.
-        accept_damaged: leave out what is damaged, and note it in `Bag.damage`.
-
-    Raises:
-        FileAccessError: no such file, or it may not be read.
-        MissingExtraError: rosbags or mcap is not installed.
-        FileFormatError: what is no bag, or is one that is cut off or damaged.
+    """An open bag (`.bag`, `.mcap` or `.db3`, or a ROS 2 folder), closed at the end; with `accept_damaged` what is
+    damaged is left out and noted in `Bag.damage`. Raises `FileAccessError`, `MissingExtraError` without rosbags or
+    mcap, and `FileFormatError` for what is no bag, or one that is cut off or damaged.
     """
     path = Path(path)
     kind = kind_of(path)
@@ -145,9 +138,7 @@ def require_rosbags() -> None:
 
 def messages(bag: Bag, topics: Iterable[Topic]) -> Iterator[Messages]:
     """The messages of topics, some at a time: none is earlier, by the bag's own stamps, than those yielded before.
-
-    Raises:
-        FileFormatError: the file is cut off or damaged.
+    Raises `FileFormatError` where the file is cut off or damaged.
     """
     wanted = set(topics)
     for source in bag.sources:
@@ -176,10 +167,8 @@ def two_of(bag: Bag, topic: Topic, what: str, found: Iterable[str]) -> tuple[str
 
 
 def definitions(bag: Bag, topic: Topic) -> Fields:
-    """The definition of a topic's type and of all types in it: its own, else another topic's, else that of ROS.
-
-    Raises:
-        FileFormatError: there is none, or it cannot be understood; those of its publishers differ.
+    """The definition of a topic's type and of all types in it: its own, else another topic's, else that of ROS. Raises
+    `FileFormatError` where there is none, it cannot be understood, or those of its publishers differ.
     """
     name = written(topic.type)
     of_type = [each for each in bag.connections if each.topic.type == topic.type and each.definition.strip()]

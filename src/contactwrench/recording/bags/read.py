@@ -34,26 +34,14 @@ def bag_batches(
     path: str | Path, options: Options = AS_USUAL, batch: int = BATCH, advance: Advance = unheard
 ) -> Iterator[Streams]:
     """The streams of a bag (`.bag`, `.mcap`, `.db3` or a ROS 2 folder) piece by piece, each reading and pose once, in
-    the order in which they were recorded. Times are those of the headers; of a message without one, or with a stamp of
-    zero, the time at which it was recorded.
+    the order in which they were recorded; `batch` of them, and up to a chunk of the file more. Times are those of the
+    headers; of a message without one, or with a stamp of zero, the time at which it was recorded.
 
-    Args:
-        path: the bag.
-        options: how it is written. The pose is from its only topic of poses or that named, `PoseStamped`,
-            `TransformStamped` or `nav_msgs/Odometry` (child in header frame), from the chain of tf between `frames`
-            (transforms.py says at which times), or from the `sensor_msgs/JointState` of a `robot`.
-        batch: readings or poses of a piece, and up to a chunk of the file more.
-        advance: is told the part, 0 to 1, of the bag's duration that has been read.
-
-    Returns:
-        Streams of wrenches, N and N m, and of orientations, with positions, m, where they are known.
-
-    Raises:
-        FileAccessError: there is no such file, or it may not be read.
-        MissingExtraError: rosbags or mcap is not installed.
-        InputError: `frames` and `robot` are both asked for, the wrench is in base axes, or `batch` is below 1.
-        FileFormatError: a damaged file that is not accepted, topics that are not there or not one, frames that
-            nothing connects, joints that are not the arm's, and quaternions that are none.
+    The pose is from the only topic of poses or that named, `PoseStamped`, `TransformStamped` or `nav_msgs/Odometry`
+    (child in header frame), from the chain of tf between `frames` (transforms.py says at which times), or from the
+    `sensor_msgs/JointState` of a `robot`. Raises as `opened_bag`; `InputError` where `frames` and `robot` are both
+    asked for, the wrench is in base axes, or `batch` is below 1; `FileFormatError` for topics that are not there or not
+    one, frames that nothing connects, joints that are not the arm's, and quaternions that are none.
     """
     from ..urdf import arm_of
 

@@ -32,16 +32,8 @@ def write_streams_bag(path: str | Path, streams: Streams) -> None:
     """Write streams as a new bag of the kind that the suffix says, `.bag`, `.mcap` or `.db3`; none: a ROS 2 folder.
 
     `/wrench` is `geometry_msgs/WrenchStamped` in the frame `sensor`, `/pose` `geometry_msgs/PoseStamped` of the flange
-    in the frame `base`, at 0 0 0 where its position is not known; stamps are those of the streams, to the ns.
-
-    Args:
-        path: the bag; a file that is there is replaced.
-        streams: wrenches, N and N m, and orientations.
-
-    Raises:
-        FileAccessError: it cannot be written.
-        FileFormatError: the suffix is another.
-        MissingExtraError: rosbags or mcap is not installed.
+    in the frame `base`, at 0 0 0 where its position is not known; stamps are those of the streams, to the ns. A file
+    that is there is replaced. Raises `FileAccessError`, `FileFormatError` for another suffix, and `MissingExtraError`.
     """
     path = Path(path)
     kind = path.suffix.lower()
@@ -105,13 +97,9 @@ class _InUri(type(Path())):  # type: ignore[misc]
 
 
 def stamped(ros1: bool, frame: str, stamp: NDArray[np.int64], values: Array) -> list[bytes]:
-    """Messages of a header and numbers, float64, behind it.
-
-    Args:
-        ros1: in ROS 1's way of writing; else in CDR, in which float64 stand at multiples of 8 (message_layout.py).
-        frame: of the header.
-        stamp: (n,) ns.
-        values: (n, k): of a `WrenchStamped` force and torque, of a `PoseStamped` position and quaternion xyzw.
+    """Messages of a header, with `stamp` (n,) ns, and `values` (n, k), float64, behind it: of a `WrenchStamped` force
+    and torque, of a `PoseStamped` position and quaternion xyzw. In ROS 1's way of writing; else in CDR, in which
+    float64 stand at multiples of 8 (message_layout.py).
     """
     text = frame.encode() + b"\0" * (not ros1)
     head = (bytes(4) if ros1 else CDR) + bytes(8) + pack("<I", len(text)) + text

@@ -42,11 +42,8 @@ def require_room(path: str | Path, count: int, what: str, each: int = 1) -> None
 
 def require_room_for_pages(path: Path, columns: Iterable[tuple[int, int]]) -> None:
     """Raise `FileFormatError` where the pages of a Parquet file state more than a file of its size holds: whatever its
-    foot says, what they state is what they take when they are unpacked.
-
-    Args:
-        path: the file.
-        columns: of each the byte at which its first page begins, and the number of its values.
+    foot says, what they state is what they take when they are unpacked. `columns`: of each the byte at which its first
+    page begins, and the number of its values.
     """
     pages = unpacked = numbers = 0
     with open_bytes(path) as file, readable(str(path), "Parquet", NO_HEADER):

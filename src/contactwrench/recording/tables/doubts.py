@@ -41,15 +41,9 @@ def turns_little(R_base_flange: Array) -> bool:
 
 
 def angles_in_doubt(path: str | Path, naming: Naming) -> str:
-    """What to say of a table's angles if none of them, read in degrees, goes beyond half a turn of radians; where the
-    orientations turn more than a little there is nothing to say (see `turns_little`).
-
-    Args:
-        path: the table that holds the orientation.
-        naming: which columns are what, as far as it was stated.
-
-    Returns:
-        A sentence; empty where nothing is in doubt, or where file or flags state the unit.
+    """What to say of the angles of the table that holds the orientation if none of them, read in degrees, goes beyond
+    half a turn of radians; empty where file or flags state the unit. Where the orientations turn more than a little
+    there is nothing to say (see `turns_little`).
     """
     table = open_table(path, naming)
     convention, columns = orientation_columns(table, naming)

@@ -45,14 +45,9 @@ def episodes_of(body: Body, column: Column) -> Array:
 
 
 def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
-    """The rows of one recording: each episode has its own time, bias and contacts.
-
-    Args:
-        table: one recording, or a set of them.
-        episode: which one of a set; None: the only one.
-
-    Raises:
-        FileFormatError: for an episode that is stated and not there; when read, also for several and none stated.
+    """The rows of one recording, of a set those of an `episode`, or of the only one: each has its own time, bias and
+    contacts. Raises `FileFormatError` for an episode that is stated and not there; when read, also for several and none
+    stated.
     """
     column = episode_column(table)
     if column is None:

@@ -54,16 +54,9 @@ def datasets_stated(text: str) -> dict[str, str]:
 
 
 def fields_of_roles(group: Any, stated: dict[str, str], orientation: str | None, source: str) -> list[Field]:
-    """The columns of the datasets that were stated.
-
-    Args:
-        group: the file, or an episode of a set.
-        stated: as `datasets_stated` gives it.
-        orientation: as in `Naming`; poses are left out where it is None.
-        source: the file, as messages name it.
-
-    Raises:
-        FileFormatError: for a dataset that is not there, and for one of another shape.
+    """The columns of the datasets that were `stated` (see `datasets_stated`), of a file or an episode of a set; without
+    poses where the `orientation` is None. Raises `FileFormatError` for a dataset that is not there, and for one of
+    another shape.
     """
     fields: list[Field] = []
     for role, path in stated.items():

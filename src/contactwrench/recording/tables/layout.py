@@ -53,17 +53,9 @@ class Layout:
 
 
 def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
-    """The row after which the numbers begin, and the layout.
-
-    Args:
-        lines: the first ones of the file.
-        source: the file, as messages name it.
-
-    Returns:
-        None where all lines are blank or comments.
-
-    Raises:
-        FileFormatError: where the first row is numbers that no comment above it names, or units stand above a header.
+    """The row after which the numbers begin, and the layout, by the first lines of a file; None where all are blank or
+    comments. Raises `FileFormatError` where the first row is numbers that no comment above it names, or units stand
+    above a header.
     """
     rows = [(row, line) for row, line in enumerate(lines, start=1) if is_row(line)]
     if rows and rows[0][1].lower().startswith("sep="):

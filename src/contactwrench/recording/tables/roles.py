@@ -55,16 +55,9 @@ _BY_WRENCH_COLUMNS = "name the six with --wrench-columns A,B,C,D,E,F"
 
 
 def roles_of(table: OpenTable, naming: Naming, *, wrench: bool = True) -> ColumnRoles:
-    """Which columns of a recording are what.
-
-    Args:
-        table: the recording, or one of two files.
-        naming: what was stated.
-        wrench: False: of two files the one with the orientations, no wrench is looked for.
-
-    Raises:
-        FileFormatError: for a column that is missing, times of two files among them, or could be two things.
-        InputError: for options that are none.
+    """Which columns of a recording are what, or of one of two files: in the one with the orientations no `wrench` is
+    looked for. Raises `FileFormatError` for a column that is missing, times of two files among them, or could be two
+    things, and `InputError` for options that are none.
     """
     if not wrench:
         naming = replace(naming, wrench_columns=None)
@@ -179,11 +172,9 @@ def _stated_wrench(table: OpenTable, text: str) -> list[Candidate]:
 def time_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) -> tuple[Column, ...]:
     """The column of the times, those of seconds and nanoseconds of one stamp, or none; none at the places `taken`.
 
-    Of several the row's own (PlotJuggler) comes before a message's stamp, and that before the recorder's clock.
-
-    Raises:
-        FileFormatError: for a column that `naming` states and that is not there, and where two could be the times.
-        InputError: for options that are none.
+    Of several the row's own (PlotJuggler) comes before a message's stamp, and that before the recorder's clock. Raises
+    `FileFormatError` for a column that is stated and not there, and where two could be the times, and `InputError` for
+    options that are none.
     """
     units = stated_units(naming.units)
     if naming.rate is not None and (name := counted_times(naming.rate)) in table.places:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError, InputError
+from ...files import name_of
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
 from ...geometry.ranges import LOAD_KG, TIME, per_second
@@ -37,7 +38,7 @@ class Table(Rows):
 
     `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,). In
     a recording with times a row may lack its wrench, with load and saturation, or a part of it, or its orientation,
-    with the position: NaN. What is in none of the rows is None. `read_as` as in `Samples`.
+    with the position: NaN. What is in none of the rows is None. `source` and `read_as` as in `Samples`.
     """
 
     wrench: Array = field(metadata=column(6))
@@ -46,6 +47,7 @@ class Table(Rows):
     position: Array | None = field(metadata=column(3))
     load_mass: Array | None = field(metadata=column())
     saturated: NDArray[np.bool_] | None = field(metadata=column(kind=np.bool_))
+    source: str
     read_as: ReadAs
 
     @property
@@ -109,18 +111,8 @@ def open_set(path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS) -> O
 def tables(
     path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS, advance: Advance = unheard, *, wrench: bool = True
 ) -> Iterator[Table]:
-    """A table block by block.
-
-    Args:
-        path: the file, or a folder of Parquet files.
-        naming: which columns are what, as far as it was stated.
-        rows: of a block, about.
-        advance: is told how far it is.
-        wrench: False: of two files the one with the orientations.
-
-    Raises:
-        FileAccessError: where the file cannot be read.
-        FileFormatError: naming the file, the row and the column.
+    """A table, or a folder of Parquet files, in blocks of about so many `rows`; without a `wrench`, of two files the
+    one with the orientations. Raises `FileAccessError`, and `FileFormatError` naming the file, the row and the column.
     """
     table = open_table(path, naming, rows)
     roles = roles_of(table, naming, wrench=wrench)
@@ -140,6 +132,7 @@ def _table(written: WrittenRows) -> Table:
         position=written.position if roles.position else None,
         load_mass=np.where(there, written.load[:, 0], np.nan) if roles.load else None,
         saturated=there & (written.saturated[:, 0] == 1.0) if roles.saturated else None,
+        source=name_of(written.body.source),
         read_as=_read_as(roles),
     )
 

@@ -41,20 +41,12 @@ def write_contact_wrenches(
     *,
     every_row: bool = False,
 ) -> None:
-    """Write one row per sample, in order. Memory for one batch.
+    """Write one row per sample, in order: CSV, on stdout as `-`, or Parquet, by the suffix. Memory for one batch.
 
-    Args:
-        path: `-` is CSV on stdout; Parquet by its suffix.
-        batches: what is written, part after part; with their `episode`, those of every recording of a set.
-        recording: the one that was compensated. If it is Parquet and `path` too, its columns are kept, and the new
-            ones, named contact_fx and so on where it has one of their names, stand beside them: null in rows without a
-            wrench.
-        naming: which of the recording's columns are what, as far as it was stated.
-        every_row: of the recording was compensated, those without a wrench too.
-
-    Raises:
-        FileAccessError: where the file cannot be written.
-        InputError: where the recording has other rows.
+    Where the `recording` that was compensated is Parquet too, its columns are kept, and the new ones, named contact_fx
+    and so on where it has one of their names, stand beside them: null in rows without a wrench, unless `every_row` was
+    compensated. Batches with their `episode` are of every recording of a set. Raises `FileAccessError` where the file
+    cannot be written, and `InputError` where the recording has other rows.
     """
     if Path(path).suffix.lower() not in SUFFIXES:
         write_text(path, _csv(batches))
