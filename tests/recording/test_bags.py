@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+import contactwrench as cw
 from contactwrench.recording.bags.read import bag_batches
 from contactwrench.samples.samples import Streams
 from tests.support.bags import (
@@ -29,6 +31,7 @@ from tests.support.bags import (
     pose_stamped,
     quaternion,
     recording,
+    tf,
     transform,
     vector,
     wrench_fields,
@@ -223,3 +226,21 @@ def test_a_topic_whose_definition_is_no_text_is_passed_over(tmp_path: Path) -> N
             writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
         writer.finish()
     _same(bag_streams(tmp_path / "more.mcap"), wrench, R, position)
+
+
+def test_a_pose_that_nobody_chose_is_named_where_transforms_may_tell_the_arms(
+    tmp_path: Path,
+) -> None:
+    """A marker, or a platform's odometry, was taken for the arm's pose without a word."""
+    turns = Rotation.from_rotvec(np.outer(np.arange(20), [0.05, 0.02, 0.0])).as_matrix()
+    messages = [pose_stamped(1e-2 * k, R, np.ones(3)) for k, R in enumerate(turns)]
+    messages += [wrench_stamped(1e-3 * k, np.arange(6.0)) for k in range(190)]
+    arm = [tf(1e-3 * k, [transform(1e-3 * k, "base_link", "tool0", np.eye(3), np.zeros(3))]) for k in range(0, 200, 10)]
+    alone, both = write_mcap(tmp_path / "alone.mcap", messages), write_mcap(tmp_path / "both.mcap", messages + arm)
+    said = (
+        "the pose is that of /pose in base, and the bag has /tf, too: if it is not the arm's, say "
+        "--frames BASE,FLANGE, or --robot"
+    )
+    assert said in cw.read(both).notes
+    for notes in (cw.read(alone).notes, cw.read(both, pose_topic="/pose").notes):
+        assert not any("the pose is that of" in note for note in notes)

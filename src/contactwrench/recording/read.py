@@ -19,7 +19,7 @@ from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream,
 from ..samples.timestamps import begins_anew, counted_on
 from .accelerations import accelerometer_of, with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
-from .bags.read import bag_batches
+from .bags.read import bag_batches, pose_in_doubt
 from .options import AS_USUAL, Options
 from .tables.columns import ROWS, Advance, Tell, unheard
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
@@ -143,6 +143,8 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
     if samples.saturated is not None and samples.saturated.sum() > MANY_AT_A_LIMIT * len(samples):
         tell(f"{samples.unsaturated()[1][0]}: set the sensor's range larger, or load it less")
     if read_as_bag(path, options):
+        if said := pose_in_doubt(path, options):
+            tell(said)
         return samples
     if said := times_in_doubt(path, options, samples.t):
         tell(said)

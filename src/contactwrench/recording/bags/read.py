@@ -18,7 +18,7 @@ from ..tables.columns import Advance, unheard
 from .chunks import Topic
 from .messages import joint_places, joint_states, place, poses, rotations, wrenches
 from .open import Bag, Messages, messages, opened_bag, part_read, two_of
-from .topics import FRAMES_FLAG, POSE_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
+from .topics import FRAMES_FLAG, POSE_FLAG, ROBOT_FLAG, other_poses, pose_topics, wrench_topic
 from .transforms import ChainPoses
 
 BATCH = 2**16
@@ -77,6 +77,18 @@ def bag_batches(
             raise _no_poses(bag, pose[0], source, arm)
         if readings or placed or said != bag.damage.said:
             yield _streams(bag, options, wrench, source, readings, placed, read_as)
+
+
+def pose_in_doubt(path: str | Path, options: Options) -> str:
+    """What to say of a bag's only topic of poses, where nobody chose it and the arm's may be told by others, too."""
+    if options.pose_topic or options.frames or options.robot:
+        return ""
+    with opened_bag(path, accept_damaged=options.accept_damaged) as bag:
+        (topic,) = pose_topics(bag, None, None, None)
+        frame = base_frame(bag, (topic,), None, None)
+        others = other_poses(bag)
+    which = f"the pose is that of {topic.name}{f' in {frame}' if frame else ''}, and the bag has {some_of(others)}, too"
+    return f"{which}: if it is not the arm's, say --frames BASE,FLANGE, or --robot" if others else ""
 
 
 def _source_of_poses(

@@ -49,6 +49,12 @@ def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm:
     return (_only(bag, "poses", tuple(POSES), POSE_FLAG, "the arm's pose"),)
 
 
+def other_poses(bag: Bag) -> tuple[str, ...]:
+    """The topics that tell an arm's pose to who knows its frames, or its joints."""
+    topics = _with_messages(bag, (JOINT_STATE, *TRANSFORMS))
+    return tuple(topic.name for topic in topics if not topic.name.endswith(STATIC))
+
+
 def _transform_topics(bag: Bag, name: str | None) -> tuple[Topic, ...]:
     if name is None:
         return _recorded(bag, TRANSFORMS, f"for {FRAMES_FLAG}")
