@@ -60,7 +60,7 @@ def test_slow_samples_take_longer_to_learn_from() -> None:
     batch = _compensator(calibration, rate=None).run(free(rig, R, rng), R, np.arange(100) / 10.0)
     assert np.flatnonzero(batch.contact == 0)[0] == 50
     assert str(batch.reason[49]).startswith("noise learned: from 5 s")
-    assert str(batch.reason[99]).startswith("noise learned: from 10 s")
+    assert str(batch.reason[99]).startswith("noise learned: from 5 s")
 
 
 def test_a_new_zero_before_the_noise_is_learned_stays() -> None:
@@ -229,3 +229,17 @@ def test_a_contact_that_changes_is_one(what: str) -> None:
     batch = cw.Compensator(calibration, rate=RATE, noise=NOISE).run(wrench, R, times(n))
     assert batch.contact[1100:].all()
     assert set(batch.reason) == {None}
+
+
+def test_a_touch_in_the_first_second_does_not_stay_in_the_noise() -> None:
+    """It made no contact, and the noise a hundred times too large, for ever."""
+    calibration, rig, rng = calibrated(9)
+    n = 12_000
+    R, pushed = still(rng, n), np.zeros((n, 6))
+    pushed[300:1300, 2] = 10.0
+    pushed[11_000:, 0] = 1.0
+    batch = cw.Compensator(calibration, rate=RATE, lowpass=20.0).run(free(rig, R, rng) + pushed, R, times(n))
+    assert batch.std[2000, 2] > 10.0 * NOISE[2]
+    assert (batch.std[10_000:] < 2.0 * NOISE).all()
+    assert batch.contact[11_100:].all()
+    assert not batch.contact[9000:11_000].any()

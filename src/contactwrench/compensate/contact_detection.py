@@ -14,10 +14,10 @@ from ..geometry.ranges import Range
 from ..samples.poses import SAME_POSE_ANGLE
 from .bias_tracking import CREEP, RECOVERY, REMNANT, SAME_SECONDS, SETTLED, SETTLED_LATE, predict, whiten
 from .contact_wrenches import FREE, TOUCHING, Contact
-from .faults import FINE, LEARNED, LEARNING, SAME
-from .noise import SampleNoise
+from .faults import FINE, SAME
+from .noise import LEARN_LAST, SampleNoise, learn_noise
 from .shaking import of_motion, whiten_shaking
-from .state import COVARIANCE, ENDED, NOISE_LEARNED, OCTAVES, THRESHOLDS, Matrix, Row, Sample, State, kernel
+from .state import COVARIANCE, ENDED, THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
 """A contact is over when the statistic falls to what this share of free samples exceeds."""
@@ -25,8 +25,6 @@ ONSET_RATE = 0.01
 """Of the false-alarm rate: a run of samples is a contact where one of them is as rare as that."""
 TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
-LEARN_FIRST, LEARN_LAST, LEARN_SAMPLES = 1.0, 32.0, 50.0
-"""s of free samples, and samples, from which the noise is learned; anew with twice as many, up to the last."""
 SAME_SHARE, SAME_POSE = 0.03, 2.0 * SAME_POSE_ANGLE**2
 """Of force and torque, by which what may be a bias that moved may change while the arm turns."""
 FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)
@@ -147,31 +145,6 @@ def judge(s: State, sample: Sample, recovers: bool) -> tuple[int, float]:
     if s.touching and s.time - s.same_since >= SAME_SECONDS:
         return SAME, s.time - s.same_since
     return said, detail
-
-
-@kernel
-def learn_noise(s: State, sample: Sample) -> tuple[int, float]:
-    """The sample's part in the Allan variances: whenever two means over as many samples have come, how far they differ,
-    and their mean, which is one over twice as many. What is to be said of the sample, with a figure.
-    """
-    mean = s.column
-    for octave in range(OCTAVES):
-        s.means[octave] += 1.0
-        first, squares = s.first_mean[octave], s.squares[octave]
-        if s.means[octave] % 2.0 == 1.0:
-            for k in range(6):
-                first[k] = mean[k]
-            break
-        for k in range(6):
-            apart = mean[k] - first[k]
-            squares[k] += apart * apart
-            mean[k] = 0.5 * (mean[k] + first[k])
-    seconds = s.means[0] * s.interval
-    if s.means[0] < LEARN_SAMPLES or seconds < s.learn_next:
-        return FINE if s.knows_noise else LEARNING, seconds
-    s.learn_next = 2.0 * seconds
-    sample.events |= NOISE_LEARNED
-    return LEARNED, seconds
 
 
 @kernel

@@ -16,7 +16,9 @@ from ..geometry.arrays import Array, numbers
 from ..geometry.ranges import NOISE_OR_NONE, READING, Range
 from ..samples.poses import Pose
 from ..samples.still_noise import StillNoise
+from .faults import FINE, LEARNED, LEARNING
 from .filters import LowPass
+from .state import NOISE_LEARNED, OCTAVES, Sample, State, kernel
 
 LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
 """N and N m: less noise than this no sensor has, and rounding begins to count."""
@@ -25,9 +27,13 @@ PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 LEAST_ROWS = 10
 LEAST_PAIRS = 8
 """Of means, whose differences tell an Allan variance."""
-LEARNED, CHANCE = 0.16, 2.0
+LEARNED_STD, CHANCE = 0.16, 2.0
 """Std of the logarithm of a variance that is learned from the first samples; and how many standard deviations of such
 logarithms two noises are apart that may be one. More hides errors between poses, less costs clean tables sensitivity.
+"""
+LEARN_FIRST, LEARN_LAST, LEARN_SAMPLES = 1.0, 32.0, 50.0
+"""s of free samples, and samples, from which the noise is learned; anew whenever they are twice as many, from those
+since, up to the last.
 """
 USUAL_RATE, FAR = 1000.0, 1e6
 """Hz, of samples, until their rate is known; samples, over which a noise counts as noise unless said."""
@@ -160,7 +166,7 @@ def between_poses(calibration: Calibration, of_row: Array) -> Array:
     all_of_it = calibration.noise**2
     shares = np.mean((all_of_it / np.maximum(of_row, LEAST_STD**2)).reshape(2, 3), axis=1)
     of_poses = 2.0 / (3.0 * calibration.dof) if calibration.dof > 0.0 else 0.0
-    by_chance = CHANCE * np.sqrt(of_poses + LEARNED**2)
+    by_chance = CHANCE * np.sqrt(of_poses + LEARNED_STD**2)
     are_samples = calibration.orientation_std is None and np.abs(np.log(shares)).max() < by_chance
     of_single = all_of_it / np.repeat(shares, 3) * are_samples  # a single axis' variance is learned to a sixth only
     known = [pose.wrench_cov.diagonal() if pose.n > 1 else of_single for pose in calibration.fitted_poses]
@@ -191,3 +197,37 @@ def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array
     readings = (np.array([pose.wrench for pose in each]).reshape(-1, 6) for each in (poses, calibration.fitted_poses))
     coarse, fine = map(variance_of_digits, readings)
     return variance_of_means(calibration.noise, calibration.fitted_poses, rows) + np.maximum(coarse - fine, 0.0)
+
+
+@kernel
+def learn_noise(s: State, sample: Sample) -> tuple[int, float]:
+    """The sample's part in the Allan variances: whenever two means over as many samples have come, how far they differ,
+    and their mean, which is one over twice as many. It begins anew whenever it has learned, so that a touch in the
+    first second, which made the noise too large for any contact, does not stay in it. What is to be said of the sample,
+    with a figure.
+    """
+    if s.learn_anew:
+        s.learn_anew = False
+        for octave in range(OCTAVES):
+            s.means[octave] = 0.0
+            for k in range(6):
+                s.squares[octave][k] = 0.0
+    mean = s.column
+    for octave in range(OCTAVES):
+        s.means[octave] += 1.0
+        first, squares = s.first_mean[octave], s.squares[octave]
+        if s.means[octave] % 2.0 == 1.0:
+            for k in range(6):
+                first[k] = mean[k]
+            break
+        for k in range(6):
+            apart = mean[k] - first[k]
+            squares[k] += apart * apart
+            mean[k] = 0.5 * (mean[k] + first[k])
+    seconds = s.means[0] * s.interval
+    if s.means[0] < LEARN_SAMPLES or s.learned_from + seconds < s.learn_next:
+        return FINE if s.knows_noise else LEARNING, seconds
+    s.learned_from += seconds
+    s.learn_next, s.learn_anew = 2.0 * s.learned_from, True
+    sample.events |= NOISE_LEARNED
+    return LEARNED, seconds

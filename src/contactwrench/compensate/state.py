@@ -119,6 +119,8 @@ class State:
     # The noise, where it is learned: means over 1, 2, 4, ... samples, and their differences in pairs.
     knows_noise: bool = True
     learn_next: float = inf
+    learned_from: float = 0.0
+    learn_anew: bool = False
     means: Row = numbers(OCTAVES)
     first_mean: Matrix = numbers(OCTAVES, 6)
     squares: Matrix = numbers(OCTAVES, 6)
