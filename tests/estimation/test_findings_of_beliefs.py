@@ -32,7 +32,8 @@ SAID = {
     Kind.CABLE: "a pull that goes with the orientation shows, as of a cable (probability 80 %): it is counted in every "
     "std; fasten or free the cable",
     Kind.ROBOT: "the robot's orientations are off by about 0.12 deg an axis (probability 80 %): it is counted in every "
-    "std, and in what a new orientation reads; a calibrated robot would mend it",
+    "std, and in what a new orientation reads; a calibrated robot would mend it, where it is "
+    "not the sensor that has hysteresis",
     Kind.TWO_LEVELS: "the bias comes back in two levels, 0.3 N and 40 mN m apart, as backlash makes them (probability "
     "80 %): it is counted in every std; on the smaller side: pose 2, pose 5",
 }

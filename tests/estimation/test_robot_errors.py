@@ -50,7 +50,8 @@ def test_it_is_said_how_far_and_nothing_else_is_blamed(n: int, degrees: float) -
         (said,) = (finding.text for finding in calibration.findings if finding.kind is Kind.ROBOT)
         found = re.fullmatch(
             r"the robot's orientations are off by about (\S+) deg an axis \(probability \S+ %\): it is counted in every"
-            r" std, and in what a new orientation reads; a calibrated robot would mend it",
+            r" std, and in what a new orientation reads; a calibrated robot would mend it, where it is"
+            r" not the sensor that has hysteresis",
             said,
         )
         assert found is not None

@@ -22,22 +22,13 @@ from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
 from .acceleration import told
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, require_let_go, start_anew, track
-from .contact_detection import contact_so_far, thresholds
+from .contact_detection import LEARN_FIRST, contact_so_far, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .delay import use_delay
 from .faults import BACK, SAME, measured_by, reason_of
 from .filters import LowPass, gains_of_poses, use_low_pass
 from .inertia import use_inertia
-from .noise import (
-    LEARN_FIRST,
-    USUAL_RATE,
-    between_poses,
-    known_noise,
-    of_pairs,
-    six_numbers,
-    stated_noise,
-    with_torques,
-)
+from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import NOTHING_TOLD, TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
 from .shaking import known_motion
 from .state import COVARIANCE, ENDED, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State

@@ -15,7 +15,7 @@ from ..samples.poses import SAME_POSE_ANGLE
 from .bias_tracking import CREEP, RECOVERY, REMNANT, SAME_SECONDS, SETTLED, SETTLED_LATE, predict, whiten
 from .contact_wrenches import FREE, TOUCHING, Contact
 from .faults import FINE, SAME
-from .noise import LEARN_LAST, SampleNoise, learn_noise
+from .noise import SampleNoise, learn_noise
 from .shaking import of_motion, whiten_shaking
 from .state import COVARIANCE, ENDED, THRESHOLDS, Matrix, Row, Sample, State, kernel
 
@@ -25,6 +25,8 @@ ONSET_RATE = 0.01
 """Of the false-alarm rate: a run of samples is a contact where one of them is as rare as that."""
 TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
+LEARN_FIRST, LEARN_LAST = 1.0, 32.0
+"""s of free samples, from which the noise is learned; anew whenever they are twice as many, up to the last."""
 SAME_SHARE, SAME_POSE = 0.03, 2.0 * SAME_POSE_ANGLE**2
 """Of force and torque, by which what may be a bias that moved may change while the arm turns."""
 FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)

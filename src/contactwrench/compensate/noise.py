@@ -31,10 +31,8 @@ LEARNED_STD, CHANCE = 0.16, 2.0
 """Std of the logarithm of a variance that is learned from the first samples; and how many standard deviations of such
 logarithms two noises are apart that may be one. More hides errors between poses, less costs clean tables sensitivity.
 """
-LEARN_FIRST, LEARN_LAST, LEARN_SAMPLES = 1.0, 32.0, 50.0
-"""s of free samples, and samples, from which the noise is learned; anew whenever they are twice as many, from those
-since, up to the last.
-"""
+LEARN_SAMPLES = 50.0
+"""Free ones, at the least, from which the noise is learned."""
 USUAL_RATE, FAR = 1000.0, 1e6
 """Hz, of samples, until their rate is known; samples, over which a noise counts as noise unless said."""
 

@@ -37,7 +37,8 @@ WITH_ORIENTATION = {
     Kind.CREEP: f"a part of the load of the pose before shows {COUNTED}, as of a sensor that creeps; rest for longer",
     Kind.CABLE: f"a pull that goes with the orientation shows, as of a cable {COUNTED}; fasten or free the cable",
     Kind.ROBOT: "the robot's orientations are off by about {} deg an axis (probability {}): it is counted in every "
-    "std, and in what a new orientation reads; a calibrated robot would mend it",
+    "std, and in what a new orientation reads; a calibrated robot would mend it, where it is "
+    "not the sensor that has hysteresis",
 }
 
 
