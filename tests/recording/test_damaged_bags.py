@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import contactwrench as cw
-from contactwrench.errors import ContactWrenchError, FileFormatError
+from contactwrench.errors import ContactWrenchError, FileFormatError, InputError
 from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.bags.messages import wrenches
 from contactwrench.recording.bags.open import messages, opened_bag
@@ -335,3 +335,31 @@ def test_a_definition_that_is_no_utf8_is_said_in_few_words(tmp_path: Path, capsy
     assert f"{damaged} (a connection that is no UTF-8), expected a whole one" in said[0]
     assert said[1].endswith(f" (damaged: {damaged})\n")
     assert max(map(len, said)) <= 300
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+def test_a_folder_that_nothing_describes_is_read_whole_where_that_is_accepted(tmp_path: Path, suffix: str) -> None:
+    """A recorder that is killed writes no metadata.yaml; of a split bag one file alone was read."""
+    sent, wrench, *_ = recording(600, every=1)
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for k in range(12):
+        write_bag(tmp_path / f"part{suffix}", sent[100 * k : 100 * (k + 1)]).rename(folder / f"run_{k}{suffix}")
+    with pytest.raises(FileFormatError) as error:
+        bag_streams(folder)
+    found = "found 12 files and no metadata.yaml, expected it, written as a recording ends"
+    assert str(error.value) == f"{folder}: {found}: {WHAT_TO_DO}"
+    streams = bag_streams(folder, accept_damaged=True)
+    assert streams.wrench.wrench == pytest.approx(wrench)
+    assert (np.diff(streams.wrench.t) > 0.0).all()
+    assert streams.damage == f"{folder} is damaged: {found}; what was left of it was read"
+    if suffix == ".mcap":  # its records are copied as they are
+        with pytest.raises(InputError) as of_copy:
+            write_bag_with(folder, tmp_path / "copy", [wrench], accept_damaged=True)
+        said = f"{folder}: found no metadata.yaml, expected it for a copy: write a table, .csv or .parquet"
+        assert str(of_copy.value) == said
+        assert not (tmp_path / "copy").exists()
+    (folder / f"other{'.db3' if suffix == '.mcap' else '.mcap'}").touch()
+    with pytest.raises(FileFormatError) as two:
+        bag_streams(folder, accept_damaged=True)
+    assert str(two.value) == f"{folder}: found .mcap and .db3 files and no metadata.yaml, expected one bag: name a file"

@@ -231,6 +231,8 @@ def _write_metadata(bag: Bag, path_out: Path, source: Topic, name: str, counts: 
     """What the folder says of its files, with one more topic, and how many messages were written."""
     from ruamel.yaml import YAML
 
+    if not (bag.path / METADATA).is_file():
+        raise InputError(f"{bag.path}: found no {METADATA}, expected it for a copy: write a table, .csv or .parquet")
     yaml = YAML(typ="safe")
     yaml.default_flow_style = False
     yaml.representer.ignore_aliases = lambda _: True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ from typing import Any
 
 from ...errors import FileFormatError
 from ...files import entries
+from ...statistics import counted
 from .chunks import ZSTD, Logged, Source
 from .damage import Damage
 from .message_layout import joined, written
@@ -112,6 +114,25 @@ def files_of(folder: Path, said: Metadata) -> list[Path]:
         if not os.path.isfile(file):
             raise FileFormatError(f"{folder}: found no {named}, expected it, as {METADATA} says: copy the folder whole")
         files.append(file)
+    return files
+
+
+def bags_in(folder: Path) -> list[Path]:
+    """The files of messages in a folder, split ones in the order of their numbers."""
+    files = [file for file in entries(folder) if file.suffix in (".mcap", ".db3") and not file.name.startswith(".")]
+    return sorted(
+        files, key=lambda file: [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", file.stem)]
+    )
+
+
+def left_in(folder: Path, damage: Damage) -> list[Path]:
+    """The files of a folder that nothing describes, as its recorder was killed. Raises `FileFormatError` unless damage
+    is accepted, and for files of two kinds.
+    """
+    files = bags_in(folder)
+    if len({file.suffix for file in files}) > 1:
+        raise FileFormatError(f"{folder}: found .mcap and .db3 files and no {METADATA}, expected one bag: name a file")
+    damage.found(f"{counted(len(files), 'file')} and no {METADATA}", "it, written as a recording ends")
     return files
 
 

@@ -22,7 +22,7 @@ from ...files import entries, open_bytes
 from ...geometry.arrays import Array
 from .chunks import Connection, Logged, Source, Topic
 from .damage import Damage
-from .folder import METADATA, PackedMessages, files_of, hold, metadata, unpacked
+from .folder import METADATA, PackedMessages, bags_in, files_of, hold, left_in, metadata, unpacked
 from .mcap import Mcap
 from .message_layout import Fields, types_defined, typestore, written
 from .ros1 import Ros1Bag
@@ -95,7 +95,7 @@ def kind_of(path: str | Path) -> str:
     """`.bag`, `.mcap`, `.db3`, or nothing for a folder. Raises `FileAccessError` and `FileFormatError` for others."""
     path = Path(path)
     if os.path.isdir(path):
-        if not os.path.isfile(path / METADATA):
+        if not os.path.isfile(path / METADATA) and not bags_in(path):
             raise FileFormatError(
                 f"{path}: found a folder without {METADATA}, expected a ROS 2 bag: name the .mcap or .db3 file in it"
             )
@@ -239,9 +239,13 @@ def one_line_errors(path: Path) -> Iterator[None]:
 
 def _opened(path: Path, kind: str, files: ExitStack, damage: Damage) -> Bag:
     """A file, or those of a folder, held against what that says of them."""
-    said = None if kind else metadata(path)
-    named, packed = ([path], "") if said is None else (files_of(path, said), said.packed)
-    reader = READERS[kind if said is None else said.storage_identifier]
+    said = None if kind or not os.path.isfile(path / METADATA) else metadata(path)
+    if said is None:
+        named, packed = [path] if kind else left_in(path, damage), ""
+        reader = READERS[named[0].suffix.lower()]
+    else:
+        named, packed = files_of(path, said), said.packed
+        reader = READERS[said.storage_identifier]
     whole = named
     if packed == "file":
         folder = Path(files.enter_context(TemporaryDirectory()))
