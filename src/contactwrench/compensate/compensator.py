@@ -268,10 +268,11 @@ class Compensator:
         s = self._runner.state
         if events & ENDED:
             self._last_contact = contact_so_far(s, self._noise, float(s.release))
-        if events & RATE_FOUND and not 1.0 / ANOTHER < s.rate_found * s.interval < ANOTHER:
+        times = float(s.rate_found * s.interval)
+        if events & RATE_FOUND and not 1.0 / ANOTHER < times < ANOTHER:
             with suppress(*(InputError,)[: int(s.interval < inf)]):  # a loop that runs goes on
                 self._use_rate(float(s.rate_found))
-                s.fresh = WHOLLY
+                s.fresh = max(s.fresh, WRENCH_ALONE) if 0.5 < times < 2.0 else WHOLLY
         if events & NOISE_LEARNED:
             s.knows_noise, self._noise = True, of_pairs(np.array(s.means) // 2.0, np.array(s.squares))
             poses_differ_by(s, between_poses(self._calibration, self._noise.white))

@@ -197,10 +197,17 @@ def _doubt(fit: Fit, std: float, delays: Array, chosen: Scan, count: int) -> str
 
 
 def on_one_clock(streams: Streams) -> tuple[Samples, tuple[str, ...]]:
-    """The samples of a recording and what there is to say of it; the delay is estimated, and applied if significant.
+    """Two streams as samples; the delay is estimated, and applied if significant.
 
-    The samples carry the delay and its std where the motion gives any, applied or not. Raises as `estimate_delay` and
-    `synchronize`.
+    Args:
+        streams: of a recording in which the arm turns a free tool.
+
+    Returns:
+        The samples, which carry the delay (s) and its std where the motion gives any, applied or not; and what there is
+        to say of it, a sentence each.
+
+    Raises:
+        InputError: as `estimate_delay` and `synchronize` raise it.
     """
     even = Even()
     streams = even.whole(streams)
