@@ -101,3 +101,66 @@ def test_a_stream_that_slows_down_below_the_filter_goes_on_as_before() -> None:
     R = still(rng, n)
     batch = cw.Compensator(calibration, noise=NOISE, lowpass=20.0).run(free(rig, R, rng), R, t)
     assert np.isfinite(batch.wrench[2000:]).all()
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0])
+def test_a_rate_that_is_mended_keeps_the_noise_that_was_learned(rate: float) -> None:
+    calibration, rig, rng = calibrated(25)
+    assert calibration.still_noise is None
+    n = int(8.0 * rate)
+    t = np.arange(n) / rate
+    t[:30] = t[30] - 2e-5 * np.arange(30, 0, -1)
+    R = still(rng, n)
+    batch = cw.Compensator(calibration, lowpass=10.0).run(free(rig, R, rng), R, t)
+    assert not (batch.contact[n // 2 :] == 1).any()
+    z = batch.wrench[n // 2 :] / batch.std[n // 2 :]
+    assert 0.3 < np.sqrt(np.mean(z**2)) < 1.3
+
+
+@pytest.mark.parametrize(("seed", "drift"), [(1, 2.0), (2, 2.0)])
+def test_the_bias_is_followed_between_contacts_of_a_tool_that_shakes(seed: int, drift: float) -> None:
+    """Whose free readings never stay the same."""
+    calibration, rig, rng = calibrated(seed)
+    rate, n = 1000.0, 200_000
+    t = np.arange(n) / rate
+    moved = np.cumsum(rng.normal(size=n)) * 2.0 / np.sqrt(3600.0 * rate)
+    R, pushed, shakes = still(rng, n), np.zeros((n, 6)), np.zeros((n, 6))
+    pushed[(t % 20.0 > 10.0) & (t % 20.0 < 12.0), 2] = 1.0
+    shakes[:, 2] = 0.05 * np.sin(2.0 * np.pi * 3.0 * t)
+    wrench = free(rig, R, rng) + pushed + shakes
+    wrench[:, 2] += moved
+    compensator = cw.Compensator(calibration, rate=rate, noise=NOISE, lowpass=20.0, drift=drift)
+    batch = compensator.run(wrench, R, t)
+    late = t > 100.0
+    assert (batch.contact[late & (pushed[:, 2] > 0.0)] == 1).mean() > 0.9
+    assert np.sqrt(np.mean((batch.wrench - pushed - shakes)[late, 2] ** 2)) < 0.15
+
+
+def test_a_contact_that_must_be_quiet_for_long_ends_all_the_same() -> None:
+    """Though the bias moved meanwhile by less than it may have."""
+    calibration, rig, rng = calibrated(26)
+    n, begin, end = int(700 * RATE), int(60 * RATE), int(660 * RATE)
+    R, pressed = still(rng, n), np.zeros((n, 6))
+    pressed[begin:end, 2] = 3.0
+    moved = 0.2 * np.clip((np.arange(n) - begin) / (end - begin), 0.0, 1.0)[:, None] * np.eye(6)[2]
+    for wait in (0.005, 0.5):
+        compensator = cw.Compensator(
+            calibration, rate=RATE, noise=NOISE, lowpass=20.0, drift=0.6, minimum_duration=wait
+        )
+        batch = compensator.run(free(rig, R, rng) + pressed + moved, R, stamps(n))
+        assert (batch.contact[begin + 60 : end] == 1).all()
+        assert not batch.contact[end + int(2.0 * RATE) :].any()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_is_learned_late_makes_no_contact_behind_a_low_pass(seed: int) -> None:
+    """At a high rate `std` falls at once, and a filter that lags behind would stand out."""
+    calibration, rig, rng = calibrated(seed)
+    n, end = 20_000, 9000
+    t, R, pushed, left = np.arange(n) / 1000.0, still(rng, n), np.zeros((n, 6)), np.zeros((n, 6))
+    pushed[3000:end, 2] = 300.0
+    crept = np.minimum(np.maximum(t - 0.001 * end, 0.0), 60.0)
+    left[end:, 2] = 0.9 * (1.0 - 0.5 * np.log1p(crept[end:] / 0.1) / np.log(601.0))
+    compensator = cw.Compensator(calibration, rate=1000.0, noise=NOISE, lowpass=20.0)
+    batch = compensator.run(free(rig, R, rng) + pushed + left, R, t)
+    assert len(batch.contacts) == 1

@@ -83,3 +83,10 @@ def test_a_bag_has_times(tmp_path: Path, capsys: Capture) -> None:
     bag = write_mcap(tmp_path / "run.mcap", recording(20)[0])
     done = run(capsys, "calibrate", bag, "--rate", "50")
     assert done.complaint == f"{bag}: found a bag, and rate 50.0, which is for tables: leave it out"
+
+
+def test_two_files_have_times_of_their_own(tmp_path: Path, capsys: Capture) -> None:
+    _, wrench, R = recorded(9)
+    path = timeless(tmp_path, wrench, R)
+    done = run(capsys, "calibrate", "--wrench", path, "--pose", path, "--rate", "100")
+    assert done.complaint == "found two files and rate 100, expected times in each: leave it out"

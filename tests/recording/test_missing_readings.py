@@ -145,6 +145,13 @@ def test_arrays_of_a_sensor_that_reads_as_much_are_taken() -> None:
     assert cw.Samples(wrench, R).wrench[4, 2] == 9999.0
 
 
+def test_a_part_of_samples_is_taken_as_the_whole_was() -> None:
+    _, wrench, R = (each[50::STOP] for each in recorded(3))
+    wrench[:4, 2] = 950.0
+    wrench[6, 2] = 999.0
+    assert cw.Samples(wrench, R).select(slice(5, None)).wrench[1, 2] == 999.0
+
+
 def test_a_bag_with_codes_is_calibrated_as_without_those_readings(tmp_path: Path, capsys: Capture) -> None:
     t, wrench, R = recorded(3)
     found = []

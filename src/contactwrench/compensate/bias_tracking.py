@@ -47,7 +47,10 @@ REMNANT = 0.003
 CREEP, RECOVERY = 0.1, 60.0
 """s: from which on such a remnant creeps, and after which it stays."""
 SETTLED, SETTLED_LATE = 0.5, 2.0
-"""s for which free readings stay the same after a contact, and after a long one, before they teach the bias."""
+"""s for which free readings stay the same after a contact, and after a long one, before they teach the bias: shorter,
+the braking of an arm and the end of a slow release are learned, longer, what strong pushes in a row leave adds up."""
+MOST_TO_SETTLE = 10.0
+"""Times as long after it, they teach it anyhow: of an arm that shakes they never stay the same."""
 SAME_SECONDS = 10.0
 """For which a contact does not change, in sensor axes, before it may be a bias that moved."""
 ALL_CREPT = log(1.0 + RECOVERY / CREEP)

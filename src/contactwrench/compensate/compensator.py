@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from copy import deepcopy
 from importlib.util import find_spec
 from math import ceil, inf, isnan, nan
@@ -22,11 +21,11 @@ from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
 from .acceleration import told
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, require_let_go, start_anew, track
-from .contact_detection import LEARN_FIRST, contact_so_far, thresholds
+from .contact_detection import LEARN_FIRST, contact_so_far, covariance_of, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .delay import use_delay
 from .faults import BACK, SAME, measured_by, reason_of
-from .filters import LowPass, gains_of_poses, use_low_pass
+from .filters import LowPass, gains_of_poses, use_low_passes
 from .inertia import use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import NOTHING_TOLD, TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
@@ -34,8 +33,8 @@ from .shaking import known_motion
 from .state import COVARIANCE, ENDED, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
-GAP_SECONDS, GAP_SAMPLES, ANOTHER = 0.1, 5.0, 1.05
-"""After a longer gap than both the filters start anew, and where readings come as many times faster, or slower."""
+GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
+"""After a longer gap than both the filters start anew."""
 DENSEST = 10_000.0
 """Hz: the ring of past orientations and accelerations has room for this many a second."""
 
@@ -216,13 +215,13 @@ class Compensator:
         moving = () if motion is None else known_motion(self._calibration, orientation, motion)
         place = None if position is None and acceleration is None else told(self._calibration, position, acceleration)
         samples, width = given(wrench_rows(wrench)[0], orientation, t, temperature, place, *moving)
-        contacts, covariances, taken = list[Contact](), [self._covariance()], 0
+        contacts, covariances, taken = list[Contact](), [covariance_of(self._runner.state)], 0
         while taken < len(samples):
             taken = self._runner.advance(samples, width, taken)
             events = int(samples["events"][taken - 1])
             self._attend(events)
             if events & COVARIANCE:
-                covariances.append(self._covariance())
+                covariances.append(covariance_of(self._runner.state))
             if events & ENDED and self._last_contact is not None:
                 contacts.append(self._last_contact)
         return results_of(samples, contacts, covariances)
@@ -259,31 +258,33 @@ class Compensator:
         """The delay (s) that is applied."""
         return self._settings.delay
 
-    def _covariance(self) -> Array:
-        s = self._runner.state
-        return np.array(s.systematic) + np.diag(s.noise_left)
-
     def _attend(self, events: int) -> None:
         """Do what a sample leaves to be done."""
         s = self._runner.state
         if events & ENDED:
             self._last_contact = contact_so_far(s, self._noise, float(s.release))
-        times = float(s.rate_found * s.interval)
-        if events & RATE_FOUND and not 1.0 / ANOTHER < times < ANOTHER:
-            with suppress(*(InputError,)[: int(s.interval < inf)]):  # a loop that runs goes on
-                self._use_rate(float(s.rate_found))
-                s.fresh = max(s.fresh, WRENCH_ALONE) if 0.5 < times < 2.0 else WHOLLY
+        if events & RATE_FOUND:
+            self._use_another_rate(float(s.rate_found))
         if events & NOISE_LEARNED:
             s.knows_noise, self._noise = True, of_pairs(np.array(s.means) // 2.0, np.array(s.squares))
             poses_differ_by(s, between_poses(self._calibration, self._noise.white))
             self._use_noise(1.0 / s.interval)
 
+    def _use_another_rate(self, rate: float) -> None:
+        """That of the last stamps; a loop that runs goes on where no filter takes it."""
+        s, times = self._runner.state, rate * float(self._runner.state.interval)
+        try:
+            self._use_rate(rate)
+            s.fresh = max(s.fresh, WRENCH_ALONE) if 0.5 < times < 2.0 else WHOLLY
+        except InputError:
+            if times == inf:
+                raise
+
     def _use_rate(self, rate: float) -> None:
         s = self._runner.state
-        use_low_pass(self._lowpass, rate, s.lowpass)
-        use_low_pass(self._sensor, rate, s.sensor)
+        use_low_passes(rate, (self._lowpass, s.lowpass), (self._sensor, s.sensor))
         s.longest_gap, s.interval = max(GAP_SECONDS, GAP_SAMPLES / rate), 1.0 / rate
-        if s.knows_noise:
+        if self._settings.knows_noise:  # and has not learned it
             self._noise = known_noise(self._calibration, self._stated, rate)
         self._use_noise(rate)
 

@@ -27,6 +27,8 @@ TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
 LEARN_FIRST, LEARN_LAST = 1.0, 32.0
 """s of free samples, from which the noise is learned; anew whenever they are twice as many, up to the last."""
+SAMPLES_OF_END = 10.0
+"""In which, and half a second, a contact that changes may end by what the bias may have moved since it began."""
 SAME_SHARE, SAME_POSE = 0.03, 2.0 * SAME_POSE_ANGLE**2
 """Of force and torque, by which what may be a bias that moved may change while the arm turns."""
 FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)
@@ -158,7 +160,8 @@ def detect(s: State, sample: Sample) -> None:
     """
     end = sqrt(s.end) + REMNANT * sqrt(s.peak_statistic) if s.touching else 0.0
     now, above = sample.time, sample.statistic > (end * end if s.touching else s.fire)
-    if s.touching and not above and now - s.same_since >= SETTLED:
+    ends_in = SETTLED + s.minimum_duration + (SAMPLES_OF_END + s.settled) * s.interval
+    if s.touching and not above and now - s.same_since >= ends_in:
         above = statistic_of(sample.wrench, s.whitening_then) > end * end
     if not s.touching and not above:
         s.run = 0
@@ -264,6 +267,11 @@ def readings_held(s: State) -> float:
     """
     held = s.new_usual / s.interval
     return held if held > 1.5 else 1.0
+
+
+def covariance_of(s: Any) -> Array:
+    """Of the contact wrench (6, 6), as it was renewed last."""
+    return np.array(s.systematic) + np.diag(s.noise_left)
 
 
 def contact_so_far(s: Any, noise: SampleNoise, release: float | None) -> Contact:

@@ -173,11 +173,11 @@ def standing_still(s: State, sample: Sample, changed: bool) -> tuple[int, float,
     frozen, stuck = frozen_for(s, changed, sample.time), stuck_channel(s, sample.reading, sample.time)
     if frozen > 0.0:
         return FROZEN, frozen, -1
+    if stuck == 6:
+        return STILL, sample.time - s.new_time, -1
     for k in range(6):
         if abs(sample.reading[k]) >= s.ranges[k]:
             return OVERLOAD, sample.reading[k], k
-    if stuck == 6:
-        return STILL, sample.time - s.new_time, -1
     if stuck >= 0:
         return STUCK, s.repeats[stuck], stuck
     return FINE, 0.0, -1

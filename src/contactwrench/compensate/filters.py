@@ -127,11 +127,14 @@ def smoothed(t: Array, values: Array, low_pass: LowPass) -> Array:
     return result
 
 
-def use_low_pass(low_pass: LowPass | None, rate: float, into: Matrix) -> None:
-    """Write its sections at a rate, Hz, as the kernel has them; nothing for none."""
-    sections = [] if low_pass is None else low_pass.sections(rate)[:, [0, 1, 2, 4, 5]].tolist()
-    for row, section in zip(into, sections, strict=False):
-        row[:] = section
+def use_low_passes(rate: float, *filters: tuple[LowPass | None, Matrix]) -> None:
+    """Write the sections of each at a rate, Hz, into its own, as the kernel has them; nothing for none. Raises
+    `InputError` where one does not take the rate, and has written none then.
+    """
+    made = [[] if each is None else each.sections(rate)[:, [0, 1, 2, 4, 5]].tolist() for each, _ in filters]
+    for (_, into), sections in zip(filters, made, strict=True):
+        for row, section in zip(into, sections, strict=False):
+            row[:] = section
 
 
 def gains_of_poses(low_pass: LowPass | None, rate: float | None) -> list[float]:

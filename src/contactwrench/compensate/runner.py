@@ -233,7 +233,8 @@ def compiled() -> Callable[..., int]:
         register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
     state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
     arguments = (state[::1], sample[::1], rows, types.int64, types.int64)
-    sources = [getsource(sys.modules[name]) for name in sorted({function.__module__ for function in KERNEL})]
+    homes = {function.__module__ for function in KERNEL} | {State.__module__}  # which has constants of them all
+    sources = [getsource(sys.modules[name]) for name in sorted(homes)]
     digest = sha256("".join(sources).encode()).hexdigest()
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
         return compiled_by_numba(taking(digest), arguments, nogil=True, error_model="numpy")

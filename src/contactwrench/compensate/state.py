@@ -27,6 +27,8 @@ INTERVALS, MOST_INTERVALS = 24, 6144
 """Between stamps, from which the rate is taken, and then of twice as many each time, up to the last: so few may have
 waited in a queue, and come at once.
 """
+ANOTHER = 1.02
+"""Times the rate, or less than one over it: another rate."""
 TERMS = 12
 """Of a motion, that a moving tool's wrench is linear in."""
 OF_DOWN, OF_MOTION, OF_FELT = 4, 1 + TERMS, 4

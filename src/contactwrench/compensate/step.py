@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from math import inf, nan, sqrt
 
 from .acceleration import LONGEST_SILENCE
-from .bias_tracking import RECOVERY, learn
+from .bias_tracking import MOST_TO_SETTLE, learn
 from .contact_detection import far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
 from .delay import as_the_wrench_is_stamped, explained_by_delay, follow_turn
@@ -14,7 +14,7 @@ from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, SILEN
 from .filters import low_pass
 from .inertia import exerted, follow_motion, take_pose, terms_then
 from .shaking import noise_of_motion, statistic_in_motion
-from .state import MOST_INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
+from .state import ANOTHER, MOST_INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
 HOTTEST = 1e4
@@ -106,8 +106,10 @@ def arrive(s: State, sample: Sample, restart: bool) -> None:
         s.stamps += 1
         if s.stamps == s.stamps_awaited:
             s.rate_found, s.stamps, s.counted = s.stamps / s.counted, 0, 0.0
-            s.stamps_awaited = min(2 * s.stamps_awaited, MOST_INTERVALS)
-            sample.events |= RATE_FOUND
+            if s.interval < inf:
+                s.stamps_awaited = min(2 * s.stamps_awaited, MOST_INTERVALS)
+            if not 1.0 / ANOTHER < s.rate_found * s.interval < ANOTHER:
+                sample.events |= RATE_FOUND
     s.time = sample.time
     if not restart:
         return
@@ -154,13 +156,16 @@ def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
     reading, wrench, total, offset, per_kelvin = sample.reading, sample.wrench, s.block_sum, s.offset, s.per_kelvin
     for k in range(6):
         B = s.B[k]
-        left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + (B[3] + offset[k]) + per_kelvin[k] * warmer)
+        left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + B[3] + per_kelvin[k] * warmer)
         if s.knows_inertia:
             left -= exerted(s.D[k], s.seen)
-        wrench[k] = s.column[k] = left
-        total[k] += left
+        wrench[k] = left
+        s.column[k] = left - offset[k]
+        total[k] += s.column[k]
     s.block_rows += 1.0
     low_pass(s.lowpass, s.lowpass_memory, wrench, 6, fresh)
+    for k in range(6):  # behind the filter, which would lag where the bias is learned and `std` falls at once
+        wrench[k] -= offset[k]
 
 
 @kernel
@@ -210,7 +215,7 @@ def end_block(s: State) -> None:
     for k in range(6):
         mean[k] = mean[k] / rows + s.offset[k]
     stays_the_same(s, mean)
-    if s.time - s.same_since >= s.to_settle or s.time - s.release >= RECOVERY:
+    if s.time - s.same_since >= s.to_settle or s.time - s.release >= MOST_TO_SETTLE * s.to_settle:
         s.to_settle = 0.0
     if follows and clean and s.clean_blocks >= 2 and s.to_settle == 0.0:
         learn(s, s.block_R, s.block_time, s.block_mean, s.block_variance)

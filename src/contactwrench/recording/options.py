@@ -63,6 +63,8 @@ class Options(Naming):
             raise InputError(f"episode is {self.episode!r}, expected a whole number: read one at a time")
         if self.rate is not None:
             RATE.require(self.rate, "rate")
+            if self.pose_file is not None:
+                raise InputError(f"found two files and rate {self.rate:g}, expected times in each: leave it out")
         if isinstance(self.frames, str):
             raise InputError(f"frames is {self.frames!r}, expected two: write ('base', 'flange')")
         for name in TEXTS:

@@ -97,7 +97,7 @@ class Samples(Rows):
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
         for name, within in ranges.items():
             _require_within(name, getattr(self, name), within)
-        if (codes := stands_for_none(self.wrench)).any():
+        if (codes := stands_for_none(self.wrench, CODES[1])).any():  # of some rows of many 999 N may be one
             row, axis = (int(place) for place in np.argwhere(codes)[0])
             found = f"wrench in sample {row} is {self.wrench[row, axis]:g}, which stands for no reading"
             raise InputError(f"{found}: leave such samples out", row)
@@ -208,17 +208,17 @@ class Streams(Frozen):
         )
 
 
-def stands_for_none(written: Array) -> NDArray[np.bool_]:
-    """Which of the numbers (n, k), as they were written, stand for no reading: nines alone, of either sign, far beyond
-    all other numbers of the column, and in fewer than half of its rows.
+def stands_for_none(written: Array, least: float = CODES[0]) -> NDArray[np.bool_]:
+    """Which of the numbers (n, k), as they were written, stand for no reading: nines alone, of either sign, `least` or
+    more, far beyond all other numbers of the column, and in fewer than half of its rows.
     """
-    if not (large := np.abs(written) >= CODES[0] - 0.5).any():
+    if not (large := np.abs(written) >= least - 0.5).any():
         return np.asarray(large)
     with np.errstate(over="ignore"):
         size = np.minimum(np.abs(written), 10.0 * CODES[-1])
     is_code = np.isin(np.rint(size), CODES) & (np.abs(size - np.rint(size)) < 1e-6)
     largest = np.max(np.where(is_code | np.isnan(size), 0.0, size), axis=0)
-    return np.asarray(is_code & (size > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5))
+    return np.asarray(is_code & large & (size > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5))
 
 
 def at_limit(wrench: Array) -> NDArray[np.bool_]:
