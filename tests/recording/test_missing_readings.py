@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.errors import InputError
+from contactwrench.samples.samples import WrenchStream
 from tests.support.bags import pose_stamped, wrench_stamped, write_mcap
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.world import Array
@@ -150,6 +151,8 @@ def test_a_part_of_samples_is_taken_as_the_whole_was() -> None:
     wrench[:4, 2] = 950.0
     wrench[6, 2] = 999.0
     assert cw.Samples(wrench, R).select(slice(5, None)).wrench[1, 2] == 999.0
+    stream = WrenchStream(np.arange(len(wrench), dtype=np.float64), wrench)
+    assert stream.select(slice(5, None)).wrench[1, 2] == 999.0
 
 
 def test_a_bag_with_codes_is_calibrated_as_without_those_readings(tmp_path: Path, capsys: Capture) -> None:

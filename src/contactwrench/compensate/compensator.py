@@ -275,7 +275,7 @@ class Compensator:
         s, times = self._runner.state, rate * float(self._runner.state.interval)
         try:
             self._use_rate(rate)
-            s.fresh = max(s.fresh, WRENCH_ALONE) if 0.5 < times < 2.0 else WHOLLY
+            s.fresh = max(s.fresh, WRENCH_ALONE) if 0.5 < times < 2.0 else WHOLLY  # the motion too
         except InputError:
             if times == inf:
                 raise

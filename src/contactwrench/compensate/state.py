@@ -41,7 +41,7 @@ LOG_SAME_UNSEEN = -0.0207
 """Of a channel that never moved: it may repeat 10,000 times."""
 
 ENDED, RATE_FOUND, COVARIANCE, NOISE_LEARNED = 1, 2, 4, 8
-"""Events of a sample: a contact ended, the rate is known, the covariance is another, the noise is learned."""
+"""Events of a sample: a contact ended, the rate is known or another, the covariance another, the noise learned."""
 
 KERNEL: list[Callable[..., Any]] = []
 
@@ -243,7 +243,7 @@ class State:
     of_eta: Row = numbers(PARAMETERS)
     column: Row = numbers(6)
 
-    # The block of samples of the last 0.1 s, and the one before.
+    # The block of samples of the last 0.1 s, and the one before; since when they stay the same, how long they should.
     block_time: float = 0.0
     block_rows: float = 0.0
     block_sum: Row = numbers(6)
@@ -257,7 +257,7 @@ class State:
     same_mean: Row = numbers(6)
     same_R: Row = numbers(9)
 
-    # The covariance of the contact wrench, `systematic` and of the noise, and the test against it.
+    # The covariance of the contact wrench, `systematic` and of the noise, and the test against it, or the onset's.
     dof: float = 0.0
     fires: Row = numbers(THRESHOLDS)
     ends: Row = numbers(THRESHOLDS)

@@ -97,7 +97,7 @@ class Samples(Rows):
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
         for name, within in ranges.items():
             _require_within(name, getattr(self, name), within)
-        if (codes := stands_for_none(self.wrench, CODES[1])).any():  # of some rows of many 999 N may be one
+        if (codes := stands_for_none(self.wrench)).any():
             row, axis = (int(place) for place in np.argwhere(codes)[0])
             found = f"wrench in sample {row} is {self.wrench[row, axis]:g}, which stands for no reading"
             raise InputError(f"{found}: leave such samples out", row)
@@ -208,9 +208,9 @@ class Streams(Frozen):
         )
 
 
-def stands_for_none(written: Array, least: float = CODES[0]) -> NDArray[np.bool_]:
-    """Which of the numbers (n, k), as they were written, stand for no reading: nines alone, of either sign, `least` or
-    more, far beyond all other numbers of the column, and in fewer than half of its rows.
+def stands_for_none(written: Array, least: float = CODES[1]) -> NDArray[np.bool_]:
+    """Which of the numbers (n, k) stand for no reading: nines alone, of either sign, `least` or more (of a few rows
+    999 N may be a reading), far beyond all other numbers of the column, and in fewer than half of its rows.
     """
     if not (large := np.abs(written) >= least - 0.5).any():
         return np.asarray(large)

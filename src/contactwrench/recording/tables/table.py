@@ -17,7 +17,7 @@ from ...files import name_of
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
 from ...geometry.ranges import LOAD_KG, TIME, per_second
-from ...samples.samples import LARGEST_READING, ReadAs, stands_for_none
+from ...samples.samples import CODES, LARGEST_READING, ReadAs, stands_for_none
 from ...statistics import counted
 from . import csv, hdf5, parquet
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, unheard, with_slices
@@ -170,7 +170,7 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     wrench, load, saturated = np.split(with_wrench, np.cumsum([len(roles.wrench), len(roles.load)]).tolist(), axis=1)
     per_si = np.array([column.per_si for column in roles.wrench])
     with np.errstate(over="ignore"):
-        wrench = np.where(stands_for_none(wrench * per_si), np.nan, wrench)
+        wrench = np.where(stands_for_none(wrench * per_si, CODES[0]), np.nan, wrench)
     has_wrench = _rows_there(body, of_wrench, with_wrench, len(roles.wrench), may_be_half=True)
     limit = f"at most {LARGEST_READING:g} N or N m"
     _require(~(np.abs(wrench) > LARGEST_READING), wrench, roles.wrench, body, limit)
