@@ -128,7 +128,9 @@ def _untold(reason: str, beyond: bool = False) -> Delay:
 
 
 def _means(readings: WrenchStream, width: float) -> WrenchStream:
-    """Means of consecutive readings over `width` s; those that say nothing left out, as are means across a gap."""
+    """Readings averaged over `width` s, twice, one for each; those that say nothing left out, as are means across a
+    gap.
+    """
     finite = np.isfinite(readings.wrench).all(axis=1)
     t, wrench = readings.t[finite], readings.wrench[finite]
     if len(t) < 2:
@@ -136,9 +138,12 @@ def _means(readings: WrenchStream, width: float) -> WrenchStream:
     spacing = max(float(np.median(np.diff(t))), 1e-9)
     each = max(round(width / spacing), 1)
     n = len(t) // each
-    of_cell, in_cell = t[: n * each].reshape(n, each), wrench[: n * each].reshape(n, each, 6)
-    whole = of_cell[:, -1] - of_cell[:, 0] <= 2.0 * each * spacing
-    return WrenchStream(of_cell.mean(axis=1)[whole], in_cell.mean(axis=1)[whole])
+    cells = np.column_stack([t, wrench])[: n * each].reshape(n, each, 7)
+    share = (np.arange(each) + 0.5) / each**2
+    rising, falling = (np.einsum("nek,e->nk", cells, of_cell) for of_cell in (share, share[::-1]))
+    mean = rising[:-1] + falling[1:]
+    whole = cells[1:, -1, 0] - cells[:-1, 0, 0] <= 3.0 * each * spacing
+    return WrenchStream(mean[whole, 0], mean[whole, 1:])
 
 
 def _thinned(means: WrenchStream) -> WrenchStream:
@@ -165,10 +170,10 @@ def _settled(
         anywhere = fitted(motion, thin, free.best, free.down)
         if anywhere.misfit < fit.misfit + ALIKE:
             fit, chosen = anywhere, free
-    for _ in range(2):
+    for _ in range(4):
         used, before = _known(motion, means, fit.delay - GRID, fit.delay + GRID), fit.delay
         fit = fitted(motion, used, fit.delay, fit.down)
-        if abs(fit.delay - before) < 0.5 * GRID:
+        if abs(fit.delay - before) < 0.01 * GRID:
             break
     return fit, used, chosen
 
@@ -177,11 +182,6 @@ def _doubt(fit: Fit, std: float, delays: Array, chosen: Scan, count: int) -> str
     """Why the motion does not tell the delay, or None, after a scan of so many means."""
     if not np.isfinite(std):
         return "gravity does not turn in the flange's axes while the arm moves"
-    if std > TOLD * fit.weightless or abs(fit.delay - chosen.best) > ASTRAY:
-        return (
-            "gravity's turning shows too little in the wrench, beside accelerations and noise: tilt the tool further, "
-            "about more than one axis"
-        )
     misfit = chosen.misfit
     inner = misfit[1:-1]
     minima = 1 + np.flatnonzero((inner < misfit[:-2]) & (inner <= misfit[2:]))
@@ -191,6 +191,11 @@ def _doubt(fit: Fit, std: float, delays: Array, chosen: Scan, count: int) -> str
     both = f"delays of {1e3 * delays[best]:.0f} and {{:.0f}} ms explain the wrench equally well"
     if len(rivals := others[worse < AS_GOOD * (misfit.max() - misfit[best])]):
         return f"the motion repeats itself: {both.format(1e3 * delays[rivals[0]])}; vary it"
+    if std > TOLD * fit.weightless or abs(fit.delay - chosen.best) > ASTRAY:
+        return (
+            "gravity's turning shows too little in the wrench, beside accelerations and noise: tilt the tool further, "
+            "about more than one axis"
+        )
     if len(rivals := others[worse < ODDS * (std / fit.bound) ** 2 / count]):
         return f"the motion is too short: {both.format(1e3 * delays[rivals[0]])}; record more of it, or faster"
     return None

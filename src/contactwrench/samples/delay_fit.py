@@ -290,6 +290,8 @@ def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> floa
 
 
 def _structure(left: Array) -> float:
-    """The variance of residuals (n, 6) over that of white noise that changes as much, the largest of the axes."""
-    fresh = 0.5 * np.mean(np.diff(left, axis=0) ** 2, axis=0)
+    """The variance of residuals (n, 6) over that of white noise that changes as much from one to the next but one, with
+    which its window has nothing in common: the largest of the axes.
+    """
+    fresh = 0.5 * np.mean((left[2:] - left[:-2]) ** 2, axis=0)
     return float(np.max(np.mean(left**2, axis=0) / np.maximum(fresh, 1e-300)))
