@@ -3,6 +3,7 @@
 `make explore` draws new examples. What is collected stays to the end: the garbage collector need not go through the
 quarter of a million objects of libraries and tests again and again. Nor need each worker, each run and each program
 that a test starts compile the same files anew where PYTHONDONTWRITEBYTECODE is set: what Python makes of them is kept.
+Nor need all workers at once compile with numba what is not on disk yet, or no longer: one does, and the others load it.
 """
 
 from __future__ import annotations
@@ -10,8 +11,11 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from functools import partial
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial, wraps
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import pytest
@@ -33,6 +37,25 @@ if PROFILE == "same_every_time":
     # No example is drawn from the constants of local modules: which are loaded by then depends on the tests before it.
     drawing = vars(import_module("hypothesis.internal.conjecture.providers"))
     drawing["_get_local_constants"] = partial(drawing.__getitem__, "_local_constants")
+
+
+def _one_at_a_time(compiled: Callable[..., Any]) -> Callable[..., Any]:
+    """A compiler that waits for what another process compiles, which takes 20 s of a core where no file has it yet."""
+
+    @wraps(compiled)
+    def waits(*arguments: Any, **options: Any) -> Any:
+        fcntl = import_module("fcntl")
+        with open(__file__, "rb") as lock:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(lock, fcntl.LOCK_EX)  # until it is closed
+            return compiled(*arguments, **options)
+
+    return waits
+
+
+if find_spec("fcntl"):
+    compiling = vars(import_module("contactwrench.subtract"))
+    compiling["compiled_by_numba"] = _one_at_a_time(compiling["compiled_by_numba"])
 
 
 def pytest_collection_finish() -> None:

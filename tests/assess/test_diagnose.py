@@ -80,7 +80,7 @@ def test_flags_that_mend_a_reading_are_found(mistake: str, tmp_path: Path, capsy
     quickly = () if mistake == "fanuc as kuka" else ("--model", "mount")
     first = run(capsys, "calibrate", path, *quickly)
     assert "contactwrench diagnose" in first.out + first.err or flags in first.err
-    done = run(capsys, "diagnose", path)
+    done = run(capsys, "diagnose", path, *quickly)
     assert done.status == 0
     verdict = done.out.splitlines()[0]
     assert verdict.startswith("as given: ")

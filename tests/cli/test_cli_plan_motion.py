@@ -11,7 +11,7 @@ import pytest
 
 import contactwrench as cw
 from contactwrench.assess import motion_design
-from contactwrench.assess.plan import Expected, expected_tool
+from contactwrench.assess.plan import READINGS, Expected, expected_tool
 from contactwrench.assess.plan_motion import DynamicPlan, plan_motion
 from contactwrench.calibration.dynamics import DYNAMIC_PARAMETERS, elements
 from contactwrench.model import RigidTool
@@ -20,6 +20,8 @@ from tests.assess.test_plan_motion import information
 from tests.assess.test_robot_arms import urdf_of
 from tests.support.recordings import PAPER, run, written
 
+RATE = 200.0
+"""Hz, of the recording in motion: the noise of each of its readings counts as that of five."""
 GYRATION_OF_RIG = 0.03
 """m: the simulated tool is a ball, as far as its inertia goes."""
 
@@ -140,7 +142,8 @@ def test_what_is_planned_calibrates_the_rig(
     monkeypatch.setattr("contactwrench.assess.plan_motion.plan_motion", kept)
     written_plan, recording, calibration = (tmp_path / name for name in ("plan.csv", "sim.csv", "tool.json"))
     run(capsys, "plan", "--dynamic", "--robot", "iiwa7", "-o", written_plan)
-    assert run(capsys, "simulate", "--trajectory", written_plan, "-o", recording).status == 0
+    recorded = ("--set", f"recording.rate={RATE}")
+    assert run(capsys, "simulate", "--trajectory", written_plan, "-o", recording, *recorded).status == 0
     done = run(capsys, "calibrate", recording, "--model", "dynamic", "-o", calibration)
     assert done.status == 0
     assert "\nVerdict  good: " in done.out
@@ -152,7 +155,7 @@ def test_what_is_planned_calibrates_the_rig(
     found = np.r_[elements(dynamics.inertia), dynamics.sensor_offset]
     assert (np.abs(found - true) < 4.0 * dynamics.std).all()
     parts = tool.mass * rig.gravity, np.array(tool.com), np.zeros(6), rig.R_flange_sensor, rig.gravity_direction
-    of_rig = Expected(RigidTool(*parts), np.array([*noise.force, *noise.torque]))
+    of_rig = Expected(RigidTool(*parts), np.sqrt(READINGS / RATE) * np.array([*noise.force, *noise.torque]))
     told = information(plan.arm, of_rig, plan.at(np.arange(0.0, plan.duration, 1.0 / rate)), rate)
     bound = np.sqrt(np.diag(np.linalg.inv(told)))
     of_recording = expected_tool(cw.read(recording)).in_motion

@@ -20,11 +20,13 @@ def stamps(n: int) -> Array:
     return np.arange(n) / RATE
 
 
-@pytest.mark.parametrize(("force", "drift"), [(0.5, 0.2), (3.0, 2.0)])
+@pytest.mark.parametrize(("force", "drift"), [(0.5, 0.4), (3.0, 4.0)])
 def test_a_steady_force_that_was_found_stays_a_contact(force: float, drift: float) -> None:
-    """However badly the bias may be known by then: nothing has changed that would say that it is over."""
+    """However badly the bias may be known by then: nothing has changed that would say that it is over. Four minutes are
+    a quarter of an hour of a sensor that drifts half as much.
+    """
     calibration, rig, rng = calibrated(20)
-    n, begin, end = int(1000 * RATE), int(60 * RATE), int(960 * RATE)
+    n, begin, end = int(290 * RATE), int(60 * RATE), int(285 * RATE)
     R, pressed = still(rng, n), np.zeros((n, 6))
     pressed[begin:end, 2] = force
     compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, lowpass=20.0, drift=drift)
@@ -36,13 +38,15 @@ def test_a_steady_force_that_was_found_stays_a_contact(force: float, drift: floa
 
 @pytest.mark.parametrize("seconds", [0.5, 2.0, 5.0])
 def test_a_slow_end_of_a_long_contact_is_not_learned(seconds: float) -> None:
-    """As its last newton passes for free beside what a bias may have drifted in half an hour."""
+    """As its last newton passes for free beside what a bias may have drifted: in five minutes as much as another does
+    in half an hour.
+    """
     calibration, rig, rng = calibrated(21)
-    n, begin, end, lifts = int(2000 * RATE), int(60 * RATE), int(1860 * RATE), int(seconds * RATE)
+    n, begin, end, lifts = int(400 * RATE), int(60 * RATE), int(348 * RATE), int(seconds * RATE)
     R, pressed = still(rng, n), np.zeros((n, 6))
     pressed[begin:end, 2] = 2.0
     pressed[end : end + lifts, 2] = np.linspace(2.0, 0.0, lifts)
-    compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, lowpass=20.0, drift=0.2)
+    compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, lowpass=20.0, drift=0.5)
     batch = compensator.run(free(rig, R, rng) + pressed, R, stamps(n))
     after = end + lifts + int(3.0 * RATE)
     assert not batch.contact[after:].any()
@@ -141,13 +145,13 @@ def test_the_bias_is_followed_between_contacts_of_a_tool_that_shakes(seed: int, 
 def test_a_contact_that_must_be_quiet_for_long_ends_all_the_same() -> None:
     """Though the bias moved meanwhile by less than it may have."""
     calibration, rig, rng = calibrated(26)
-    n, begin, end = int(700 * RATE), int(60 * RATE), int(660 * RATE)
+    n, begin, end = int(230 * RATE), int(60 * RATE), int(210 * RATE)
     R, pressed = still(rng, n), np.zeros((n, 6))
     pressed[begin:end, 2] = 3.0
     moved = 0.2 * np.clip((np.arange(n) - begin) / (end - begin), 0.0, 1.0)[:, None] * np.eye(6)[2]
     for wait in (0.005, 0.5):
         compensator = cw.Compensator(
-            calibration, rate=RATE, noise=NOISE, lowpass=20.0, drift=0.6, minimum_duration=wait
+            calibration, rate=RATE, noise=NOISE, lowpass=20.0, drift=1.2, minimum_duration=wait
         )
         batch = compensator.run(free(rig, R, rng) + pressed + moved, R, stamps(n))
         assert (batch.contact[begin + 60 : end] == 1).all()

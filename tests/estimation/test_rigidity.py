@@ -21,7 +21,7 @@ from contactwrench.samples.flange_motion import flange_motion
 from tests.support.in_motion import Moving, moving
 from tests.support.world import Array
 
-RATE = 500.0
+RATE = 250.0
 NOT_RIGID = "of what the motion makes felt follows it as no rigid tool does"
 
 
@@ -137,7 +137,7 @@ def test_what_swings_on_the_tool_is_in_doubt() -> None:
     assert 10.0 < share < 30.0
 
 
-@pytest.mark.parametrize("late", [0.006, -0.01])
+@pytest.mark.parametrize("late", [0.008, -0.012])
 def test_a_wrench_that_is_late_by_little_is_aligned_by_the_motion(late: float) -> None:
     """Beside the sensor's own filter, which is one too."""
     samples, of_sensor = clean(), calibrated().delay
@@ -173,7 +173,7 @@ def test_a_delay_that_the_motion_tells_is_applied_and_said() -> None:
     """Of readings and poses that were paired as they are, or by a delay that is stated: the rest of it."""
     whole = {stated: cw.calibrate(arm().samples(125.0, delay=stated), "dynamic") for stated in (0.0, 0.008)}
     for calibration in whole.values():
-        assert calibration.delay == pytest.approx(0.0023, abs=3e-4)
+        assert calibration.delay == pytest.approx(0.0016, abs=3e-4)
         (said,) = (finding.text for finding in calibration.findings if finding.kind is Kind.DELAY_OF_MOTION)
         assert calibration.delay is not None
         by = f"{1e3 * calibration.delay:.3g} ms later"

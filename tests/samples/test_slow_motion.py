@@ -58,10 +58,10 @@ def test_a_slow_sweep_without_stops_is_calibrated(seed: int, lag: float, rate: f
 def stirred(seed: int, period: float, second: float) -> cw.Samples:
     """A minute and a half of turning to and fro about all axes, with a `period` s and a `second` one, at once."""
     rng = np.random.default_rng(seed)
-    t = np.arange(9000) / 100.0
+    t = np.arange(4500) / 50.0
     turns = [np.sin(2.0 * np.pi * t[:, None] / T + rng.uniform(0.0, 6.28, 3)) for T in (period, second)]
     start = Rotation.from_euler("x", 2.6)
-    R = (start * Rotation.from_rotvec(sum(turns, np.zeros((9000, 3))) * rng.uniform(0.1, 0.25, 3))).as_matrix()
+    R = (start * Rotation.from_rotvec(sum(turns, np.zeros((4500, 3))) * rng.uniform(0.1, 0.25, 3))).as_matrix()
     u = R.transpose(0, 2, 1) @ [0.0, 0.0, -1.0]
     wrench = BIAS + np.hstack([WEIGHT * u, np.cross(COM, WEIGHT * u)])
     std = 0.08 * np.array([1.0, 1.0, 1.0, 0.04, 0.04, 0.04])
