@@ -78,7 +78,7 @@ def test_the_flange_is_the_tcp_without_its_offset(
 
 
 def test_a_robot_mode_without_a_safety_status_is_no_safety_status() -> None:
-    """PolyScope before 3.10 and 5.4 has no safety_status: 7 is a robot that runs, not an emergency stop; 3 has no power."""
+    """An old PolyScope has no safety_status: 7 is a robot that runs, no emergency stop; 3 has no power."""
     recipe = Recipe(1, ["timestamp", "actual_TCP_pose", "robot_mode"], ["DOUBLE", "VECTOR6D", "INT32"])
     decoder, batch = UrDecoder(recipe, 500.0, ""), Batch()
     for k, mode in enumerate((7, 3)):
