@@ -106,14 +106,14 @@ def test_units_of_no_known_size_are_refused(units: tuple[str, str], said: str) -
 @pytest.mark.parametrize(
     ("tag", "said", "found"),
     [
-        ("cfgcomrdtrate", "often", "found no rate on the page, expected cfgcomrdtrate"),
-        ("cfgcomrdtrate", "inf", "found no rate on the page, expected cfgcomrdtrate"),
+        ("comrdtrate", "often", "found no rate on the page, expected comrdtrate"),
+        ("comrdtrate", "inf", "found no rate on the page, expected comrdtrate"),
         ("cfgcpf", "1,000,000", "found 1,000,000 per N, expected counts of a unit of force: set it on its page"),
         ("cfgcpt", "inf", "found inf per Nm, expected counts of a unit of torque: set it on its page"),
     ],
 )
 def test_a_page_without_numbers_is_refused(tag: str, said: str, found: str) -> None:
-    numbers = {"cfgcomrdtrate": "1000", "cfgcpf": "1e6", "scfgfu": "N", "cfgcpt": "1e6", "scfgtu": "Nm", tag: said}
+    numbers = {"comrdtrate": "1000", "cfgcpf": "1e6", "scfgfu": "N", "cfgcpt": "1e6", "scfgtu": "Nm", tag: said}
     page = "".join(f"<{name}>{text}</{name}>" for name, text in numbers.items())
     with answering(f"HTTP/1.0 200 OK\r\n\r\n{page}".encode()) as port:
         assert found in refusal(source_of(f"netft://127.0.0.1?http={port}"))

@@ -77,6 +77,17 @@ def test_the_flange_is_the_tcp_without_its_offset(
         assert np.allclose(sample.wrench, turned)  # type: ignore[arg-type]
 
 
+def test_a_robot_mode_without_a_safety_status_is_no_safety_status() -> None:
+    """An old PolyScope has no safety_status: 7 is a robot that runs, no emergency stop; 3 has no power."""
+    recipe = Recipe(1, ["timestamp", "actual_TCP_pose", "robot_mode"], ["DOUBLE", "VECTOR6D", "INT32"])
+    decoder, batch = UrDecoder(recipe, 500.0, ""), Batch()
+    for k, mode in enumerate((7, 3)):
+        values = struct.pack(">B7di", 1, 0.002 * k, *ZERO, mode)
+        decoder.feed(struct.pack(">HB", 3 + len(values), ord("U")) + values, 50.0 + 2e-3 * k, batch)
+    assert [note.text for note in batch.notes] == ["power off"]
+    assert [sample.flaw for sample in batch.samples] == ["", "off: power off"]
+
+
 def test_a_state_is_said_when_it_changes() -> None:
     states = [(1, 7), (1, 7), (3, 7), (3, 7), (9, 7), (1, 3), (1, 7), (1, 7)]
     batch = decoded([data(0.002 * k, state=state) for k, state in enumerate(states)])

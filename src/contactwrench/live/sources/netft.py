@@ -86,10 +86,10 @@ class NetFt(Reader[Udp]):
         self._link.addresses(*self._at)  # or the page would be asked of nobody
         page = self._page()
         name = _text(page, "prodname") or "Net F/T"
-        rate = _number(_text(page, "cfgcomrdtrate"))
+        rate = _number(_text(page, "comrdtrate"))
         counts = self._counts(page, "force", "cfgcpf", "scfgfu"), self._counts(page, "torque", "cfgcpt", "scfgtu")
         if not 0.0 < rate < inf:
-            raise self._link.error("no rate on the page", "cfgcomrdtrate", "set the RDT rate on the box's page")
+            raise self._link.error("no rate on the page", "comrdtrate", "set the RDT rate on the box's page")
         self._link.connect(*self._at)
         if self._zero:
             self._link.send(ZERO)

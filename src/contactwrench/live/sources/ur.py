@@ -58,7 +58,7 @@ class UrDecoder:
         self._counter = Counter(1e-6, step=round(1e6 / rate), learns=True)
         self._wrench = recipe.places.get(wrench)
         self._to_flange = wrench == COMPENSATED
-        self._states = [recipe.places[name].start for name in STATES if name in recipe.places]
+        self._states = {name: recipe.places[name].start for name in STATES if name in recipe.places}
         self._state: tuple[float, ...] = ()
         self._flaw, self._said = "", False
 
@@ -121,13 +121,13 @@ class UrDecoder:
             if self._to_flange:
                 back = inverse(turn)
                 wrench = *rotated(back, (fx, fy, fz)), *rotated(back, (tx, ty, tz))
-        if (state := tuple(values[place] for place in self._states)) != self._state:
+        if (state := tuple(values[place] for place in self._states.values())) != self._state:
             self._change(state, batch)
         batch.samples.append(Sample(arrival, device, wrench, turn, position, joints, flaw=self._flaw))
 
     def _change(self, state: tuple[float, ...], batch: Batch) -> None:
         """Another state of the robot: said, and whether its samples can be used in it."""
-        told = dict(zip(STATES, state, strict=False))
+        told = dict(zip(self._states, state, strict=True))
         self._state = state
         safety, mode = SAFETY.get(int(told.get("safety_status", 1))), MODES.get(int(told.get("robot_mode", 7)))
         broken = told.get("safety_status") in BROKEN
