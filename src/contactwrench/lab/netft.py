@@ -93,7 +93,8 @@ class NetFt(UdpFake):
         return (
             '<?xml version="1.0" encoding="UTF-8"?><netft><prodname>Virtual Net F/T</prodname>'
             f"<runstat>0x{self.state:08x}</runstat><cfgcpf>{of_force:g}</cfgcpf><cfgcpt>{of_torque:g}</cfgcpt>"
-            f"<scfgfu>{force}</scfgfu><scfgtu>{torque}</scfgtu><comrdtrate>{self.rate:g}</comrdtrate></netft>"
+            f"<scfgfu>{force}</scfgfu><scfgtu>{torque}</scfgtu><comrdtrate>{self.rate:g}</comrdtrate>"
+            f"<cfgcomrdtrate>{self.rate:g}</cfgcomrdtrate></netft>"
         )
 
     def _received(self, data: bytes, address: tuple[str, int]) -> None:

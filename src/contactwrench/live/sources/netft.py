@@ -25,6 +25,8 @@ MONITOR = 1 << 16
 """A threshold of the user's that was crossed: the only bit of the status that is no error."""
 SATURATED = {"net": 1 << 17, "axia": 1 << 27 | 1 << 30}
 """ATI's manuals: of a Net F/T, saturation or A/D; of an Axia, a gage, or force and torque, out of range."""
+RATES = "comrdtrate", "cfgcomrdtrate"
+"""Of its page: as the box has it, and as it was taken to be."""
 PATIENCE = 1.2
 """s for the page."""
 AGAIN = 1.0
@@ -86,10 +88,10 @@ class NetFt(Reader[Udp]):
         self._link.addresses(*self._at)  # or the page would be asked of nobody
         page = self._page()
         name = _text(page, "prodname") or "Net F/T"
-        rate = _number(_text(page, "comrdtrate"))
+        rate = _number(next(filter(None, (_text(page, tag) for tag in RATES)), ""))
         counts = self._counts(page, "force", "cfgcpf", "scfgfu"), self._counts(page, "torque", "cfgcpt", "scfgtu")
         if not 0.0 < rate < inf:
-            raise self._link.error("no rate on the page", "comrdtrate", "set the RDT rate on the box's page")
+            raise self._link.error("no rate on the page", RATES[0], "set the RDT rate on the box's page")
         self._link.connect(*self._at)
         if self._zero:
             self._link.send(ZERO)
