@@ -141,8 +141,8 @@ def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
     """
     found = look_at(linear, _with_share(linear, base, turns, 0.5 * SHOWING))
     # a rival's noise is no measure of what is left without it
-    left = max(float(found.chi2.sum() / max(found.dof.sum(), LEAST_DOF)), 1e-12)
-    if replace(found.turns, chi2=found.turns.chi2 / left).slope >= 0.0:
+    left = max(float(found.chi2[:7].sum() / max(found.dof[:7].sum(), LEAST_DOF)), 1e-12)
+    if 0.5 * (found.dof[7] - found.chi2[7] / left) + found.prior_slope[7] >= 0.0:
         return None
     V = _with_share(linear, replace(base, variance=base.variance * max(left, 1.0)), turns, AT_FIRST)
     return None if V.sd > FURTHEST else V
@@ -188,7 +188,7 @@ def _likely_beside(linear: Linear, alone: Optimum, kernels: Kernels, among: NDAr
         L = np.stack([kernels.drifts[drift].columns[base.kept].T for drift in drifts])  # (d, q, m)
         weighted = along_axes(alone, L.reshape(-1, L.shape[2]).T).reshape(6, -1, *L.shape[:2]).transpose(2, 0, 1, 3)
         value, vectors = np.linalg.eigh(L[:, None] @ weighted * base.variance[:, None, None])
-        pulls = (L @ alone.left * np.sqrt(base.variance)).transpose(0, 2, 1)
+        pulls = (L @ alone.left).transpose(0, 2, 1)
         pulled = (pulls[:, :, None] @ vectors)[:, :, 0] ** 2
         squared = kernels.strength[among[here], None, None] ** 2
         grown = squared * np.maximum(value, 0.0)[of_kernel]
