@@ -118,7 +118,7 @@ def likely_with(
     beside: dict[int, Begun] = {}
     steady = kernels.drift[among] == 0
     if alone := reached(0, partial(_begun, linear, base, turns)):
-        found = {0: (int(k), alone) for k in among[steady]}
+        found = {int(kernels.drift[k]): (int(k), alone) for k in among[steady]}
         for k in _likely_beside(linear, alone, kernels, among[~steady]):
             beside[k] = partial(replace, alone.V, base=_with_drift(alone.V.base, kernels, k))
     without: dict[int, Begun] = {
