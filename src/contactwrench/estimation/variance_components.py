@@ -47,11 +47,6 @@ class Linear:
     priors: Priors
     noise: NoiseModel
 
-    @cached_property
-    def both(self) -> Array:
-        """Derivatives and errors, (n, 6, p + 1)."""
-        return np.concatenate([self.J, self.errors[..., None]], axis=2)
-
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
@@ -119,7 +114,7 @@ def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Opti
     """
     hypothesis = np.flatnonzero(linear.priors.apart == ALIKE)[-1]
     m, _, p = linear.J.shape
-    both = linear.both / V.noise[:, None]
+    both = np.concatenate([linear.J, linear.errors[..., None]], axis=2) / V.noise[:, None]
     both[:, :, p] += V.sd**2 * linear.weight * both[:, :, 0]
     weighted = V.whitened(both)
     total = both.reshape(6 * m, -1).T @ weighted.reshape(6 * m, -1)
@@ -167,8 +162,7 @@ def at_optimum(linear: Linear, V: Turned, drift: Drift | None = None) -> Optimum
         least = np.log(np.maximum(linear.noise.least, V.beyond_first_order))
         slope, curvature, log_variance = found.slope, found.curvature, np.log(base.variance)
         nothing_left = found.dof[:6] @ OF_GROUP <= 3.0 * LEAST_DOF  # of readings: their noise would vanish
-        held = np.zeros(8, dtype=bool)
-        held[:6] = ((log_variance <= least) | nothing_left) & (slope[:6] > 0.0)
+        held = np.append(((log_variance <= least) | nothing_left) & (slope[:6] > 0.0), [False, False])
         held[6] = base.strength <= weakest if slope[6] > 0.0 else base.strength >= strongest
         held[6] |= base.strength == 0.0
         curvature[held], curvature[:, held], slope[held] = 0.0, 0.0, 0.0
