@@ -97,10 +97,12 @@ def test_the_precision_is_that_of_the_dense_covariance(case: tuple[Rig, Array, T
         scale = np.outer(unit[own], unit[own])
         assert block / scale == pytest.approx(inverse[own, own] / scale, abs=1e-4)
     assert V.log_determinant == pytest.approx(np.linalg.slogdet(_of_kept(V, dense))[1], abs=1e-3)
-    *of_axes, of_turns = (np.trace(inverse @ part) for part in _parts(V, dense))
+    *of_axes, _ = (np.trace(inverse @ part) for part in _parts(V, dense))
     relative = np.array([np.trace(inverse @ _of_axis(V, axis, np.diag(V.base.relative))) for axis in range(6)])
     assert V.dof_of_drift == pytest.approx(np.array(of_axes) - relative, abs=1e-4)
-    assert V.dof_of_turns == pytest.approx(of_turns, abs=1e-4)
+    assert V.precision_diagonal.ravel() == pytest.approx(np.diag(inverse) * np.tile(NOISE**2, 8), rel=1e-3)
+    of_all = V.parts_times(values[:, :, 0]).sum(axis=2) * NOISE  # of values in units of the noise
+    assert of_all.ravel() == pytest.approx(_of_kept(V, dense) @ (values[:, :, 0] / NOISE).ravel(), rel=1e-3, abs=1e-3)
 
 
 def test_a_constant_is_that_of_generalised_least_squares(case: tuple[Rig, Array, Turned, Array]) -> None:
@@ -146,10 +148,10 @@ def test_how_large_a_drift_usually_is_pulls_at_its_strength(size: float) -> None
     V = Turned(AlikeOnAxes(every, np.ones(16), NOISE**2, columns, 5.0), turns, TURN)
     share = 5.0 * float(np.sqrt(np.mean(NOISE[:3] ** 2))) / rig.weight / size
     linear = _linear(rig, R, NOISE * rng.normal(size=(16, 6)))
-    with_it, without = look_at(linear, V, share).drift, look_at(linear, V).drift
+    with_it, without = (look_at(linear, V, usual).slope[6] for usual in (share, None))
     by = 1e-4
     low, high = (0.5 * x**2 - np.log(x) for x in (size * np.exp(-by), size * np.exp(by)))
-    assert with_it.slope - without.slope == pytest.approx((high - low) / (4.0 * by), rel=1e-5)
+    assert with_it - without == pytest.approx((high - low) / (4.0 * by), rel=1e-5)
 
 
 @pytest.mark.parametrize("drifts", [False, True])

@@ -136,6 +136,11 @@ class Turned:
         return np.sqrt(self.base.variance)
 
     @cached_property
+    def relative(self) -> Array:
+        """Of the poses kept, (m,)."""
+        return self.base.relative[self.base.kept]
+
+    @cached_property
     def drift(self) -> Array:
         """The drift of the poses kept, (m, q), alike on each axis, as independent parts of unit size."""
         return self.base.strength * self.base.columns[self.base.kept]
@@ -154,10 +159,9 @@ class Turned:
     @cached_property
     def first_covariance(self) -> Array:
         """Of noise and drift, (m, m), alike on all axes; or of noise and turns of each pose, (m, 6, 6)."""
-        relative = self.base.relative[self.base.kept]
         if self.drift_first:
-            return np.diag(relative) + self.drift @ self.drift.T
-        return relative[:, None, None] * np.eye(6) + self.turned @ self.turned.transpose(0, 2, 1)
+            return np.diag(self.relative) + self.drift @ self.drift.T
+        return self.relative[:, None, None] * np.eye(6) + self.turned @ self.turned.transpose(0, 2, 1)
 
     @cached_property
     def first_precision(self) -> Array:
@@ -166,7 +170,9 @@ class Turned:
 
     def first_times(self, values: Array) -> Array:
         """The `first_precision` times `values` (m, 6, k)."""
-        return np.tensordot(self.first_precision, values, 1) if self.drift_first else self.first_precision @ values
+        if self.drift_first:
+            return np.asarray((self.first_precision @ values.reshape(len(values), -1)).reshape(values.shape))
+        return self.first_precision @ values
 
     @cached_property
     def columns(self) -> Array:
@@ -193,13 +199,23 @@ class Turned:
 
     def precision_times(self, values: Array) -> Array:
         """`V^-1 values` of the poses kept, (m, 6, k)."""
-        weighted = self.first_times(values / self.noise[:, None])
-        in_common = self.weighted_columns @ (self.left_in_common @ self._pull(weighted))
-        return np.asarray((weighted - in_common) / self.noise[:, None])
+        return np.asarray(self.whitened(values / self.noise[:, None]) / self.noise[:, None])
 
-    def along_drift(self, weighted: Array) -> Array:
-        """What `weighted` readings (m, 6, k) pull at a drift with, (q, 6, k): each column of it on each axis."""
-        return np.asarray(np.tensordot(self.drift.T, weighted * self.noise[:, None], 1))
+    def whitened(self, values: Array) -> Array:
+        """The same, in units of the noise."""
+        weighted = self.first_times(values)
+        return np.asarray(weighted - self.weighted_columns @ (self.left_in_common @ self._pull(weighted)))
+
+    def parts_times(self, values: Array) -> Array:
+        """Each part of V times `values` (m, 6), in units of the noise, (m, 6, 8): noise of the axes, drift, turns."""
+        parts = np.zeros((*values.shape, 8))
+        parts[:, :, 6] = self.drift @ (self.drift.T @ values)
+        parts[:, range(6), range(6)] = self.relative[:, None] * values
+        turned = self.turned.transpose(0, 2, 1) @ values[..., None]
+        if self.turns.root is not None:
+            turned = (self.turns.root @ (self.turns.root.T @ turned.ravel())).reshape(turned.shape)
+        parts[:, :, 7] = (self.turned @ turned)[:, :, 0]
+        return parts
 
     def along_turns(self, weighted: Array) -> Array:
         """What `weighted` readings (m, 6, k) pull at all turns with, (2 m, k), as independent parts."""
@@ -210,19 +226,21 @@ class Turned:
     @property
     def dof_of_drift(self) -> Array:
         """Degrees of freedom of a drift on each axis (6,), were the tool known."""
+        if not self.drift.shape[1]:
+            return np.zeros(6)
         if not self.drift_first:
             return np.asarray(np.sum(1.0 - np.diag(self.left_in_common).reshape(-1, 6), axis=0))
-        pulled = np.tensordot(self.drift.T, self.weighted_columns, 1)
+        m, q = self.drift.shape
+        pulled = (self.drift.T @ self.weighted_columns.reshape(m, -1)).reshape(q, 6, -1)
         alone = np.sum(self.drift * (self.first_precision @ self.drift))
         return np.asarray(alone - np.sum((pulled @ self.left_in_common) * pulled, axis=(0, 2)))
 
-    @property
-    def dof_of_turns(self) -> float:
-        """Degrees of freedom of all turns, were the tool known."""
-        if self.drift_first:
-            return float(np.sum(1.0 - np.diag(self.left_in_common)))
-        of_own = self.turned * (self.precision_blocks * np.outer(self.noise, self.noise) @ self.turned)
-        return float(np.sum(of_own))
+    @cached_property
+    def precision_diagonal(self) -> Array:
+        """Of V^-1, (m, 6), in units of the noise."""
+        W, first = self.weighted_columns, self.first_precision
+        own = first.diagonal()[:, None] if self.drift_first else first.diagonal(axis1=1, axis2=2)
+        return np.asarray(own - ((W @ self.left_in_common) * W).sum(axis=2))
 
     @cached_property
     def precision_blocks(self) -> Array:

@@ -87,6 +87,8 @@ class PoseReadings:
 
     def select(self, kept: NDArray[np.bool_]) -> PoseReadings:
         """The poses of a mask (n,)."""
+        if kept.all():
+            return self
         time = None if self.time is None else self.time[kept]
         return PoseReadings(self.R_base_flange[kept], self.wrench[kept], self.variance[kept], time)
 

@@ -7,11 +7,15 @@ whatever else there is: so each likely drift is looked at with such turns, too (
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import RigidTool, gravity_in_flange, wrench_matrix
@@ -40,6 +44,8 @@ begin with."""
 MOST_BESIDE, CLOSE_BESIDE = 3, 4.0
 """Drifts that are looked at with turns beside them, and the natural logarithm of the odds of one, against the likeliest
 or none, from which on."""
+
+Begun: TypeAlias = Callable[[], Turned | None]
 
 
 def may_go_on(n: int, in_order: bool) -> bool:
@@ -100,24 +106,35 @@ def likely_with(
         before: members with such turns of a table nearby: from there it is not far.
     """
     nearby = {} if before is None else _optima(before, base, turns, kernels)
-    steady = kernels.drift[among] == 0
-    beside = {
-        k: V
-        for k, variance in _likely_alone(kernels, others).items()
-        if (V := nearby.get(int(kernels.drift[k])))
-        or (V := _begun(linear, _with_drift(replace(base, variance=variance), kernels, k), turns))
-    }
+
+    def reached(drift: int, begun: Begun) -> Optimum | None:
+        """From where it was nearby, or, where no turns are left from there, from where it is `begun`."""
+        for start in (partial(nearby.get, drift), begun):
+            if (V := start()) and shows((optimum := at_optimum(linear, V, kernels.drifts[drift])).V):
+                return optimum
+        return None
+
     found: dict[int, tuple[int, Optimum]] = {}
-    if begun := nearby.get(0) or _begun(linear, base, turns):
-        alone = at_optimum(linear, begun)
-        if shows(alone.V):
-            found = {int(kernels.drift[k]): (int(k), alone) for k in among[steady]}
-            beside |= dict.fromkeys(_likely_beside(linear, alone, kernels, among[~steady]), alone.V)
-    for k, V in beside.items():
-        start = nearby.get(int(kernels.drift[k])) or replace(V, base=_with_drift(V.base, kernels, k))
-        optimum = at_optimum(linear, start, kernels.drifts[kernels.drift[k]])
-        if shows(optimum.V):  # begun at two strengths, a drift comes to one
-            found[int(kernels.drift[k])] = (k, optimum)
+    beside: dict[int, Begun] = {}
+    steady = kernels.drift[among] == 0
+    if alone := reached(0, partial(_begun, linear, base, turns)):
+        found = {int(kernels.drift[k]): (int(k), alone) for k in among[steady]}
+        for k in _likely_beside(linear, alone, kernels, among[~steady]):
+            beside[k] = partial(replace, alone.V, base=_with_drift(alone.V.base, kernels, k))
+    without: dict[int, Begun] = {
+        k: partial(_begun, linear, _with_drift(replace(base, variance=variance), kernels, k), turns)
+        for k, variance in _likely_alone(kernels, others).items()
+    }
+    for starts in (beside, without):
+        optima: dict[tuple[Kind | None, bytes], Optimum | None] = {}
+        for k, begun in starts.items():
+            drift = int(kernels.drift[k])
+            own = kernels.drifts[drift]
+            same = own.kind, own.columns[base.kept].tobytes()  # as of steps either side of a pose that is left out
+            if drift not in found and same not in optima:
+                optima[same] = reached(drift, begun)
+            if optimum := optima.get(same):
+                found[drift] = (k, optimum)
     return list(found.values())
 
 
@@ -141,8 +158,8 @@ def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
     """
     found = look_at(linear, _with_share(linear, base, turns, 0.5 * SHOWING))
     # a rival's noise is no measure of what is left without it
-    left = max(float(found.chi2.sum() / max(found.dof.sum(), LEAST_DOF)), 1e-12)
-    if replace(found.turns, chi2=found.turns.chi2 / left).slope >= 0.0:
+    left = max(float(found.chi2[:7].sum() / max(found.dof[:7].sum(), LEAST_DOF)), 1e-12)
+    if 0.5 * (found.dof[7] - found.chi2[7] / left) + found.prior_slope[7] >= 0.0:
         return None
     V = _with_share(linear, replace(base, variance=base.variance * max(left, 1.0)), turns, AT_FIRST)
     return None if V.sd > FURTHEST else V
@@ -188,7 +205,7 @@ def _likely_beside(linear: Linear, alone: Optimum, kernels: Kernels, among: NDAr
         L = np.stack([kernels.drifts[drift].columns[base.kept].T for drift in drifts])  # (d, q, m)
         weighted = along_axes(alone, L.reshape(-1, L.shape[2]).T).reshape(6, -1, *L.shape[:2]).transpose(2, 0, 1, 3)
         value, vectors = np.linalg.eigh(L[:, None] @ weighted * base.variance[:, None, None])
-        pulls = (L @ alone.left * np.sqrt(base.variance)).transpose(0, 2, 1)
+        pulls = (L @ alone.left).transpose(0, 2, 1)
         pulled = (pulls[:, :, None] @ vectors)[:, :, 0] ** 2
         squared = kernels.strength[among[here], None, None] ** 2
         grown = squared * np.maximum(value, 0.0)[of_kernel]

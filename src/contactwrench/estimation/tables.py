@@ -259,7 +259,7 @@ def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> 
         anew = bent > BENT or float(np.max(np.abs(step) / std)) > LONG_WAY
         near = _seen(problem, table.kept, among if anew else near_kernels([table]))
         untouched = _untouched(problem, moved, table.kept, table.hypotheses, near)
-        table = _with_turns(problem, untouched, near, None if anew else table)
+        table = _with_turns(problem, untouched, near, table)
     return table
 
 

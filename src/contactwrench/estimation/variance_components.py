@@ -3,12 +3,13 @@
 Where orientations err, poses and axes do not separate, and moments are not enough: here the covariance V of all
 readings (error_covariance.py) is taken as it is. Its variances, of each axis' noise, of a drift in units of
 these, of turns in rad, are at their joint optimum (Patterson and Thompson, 1971), by steps of Newton's method in their
-logarithms, with the expected curvature where the true one is smaller. The evidence is Laplace's.
+logarithms, with the average information. The evidence is Laplace's.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ..geometry.arrays import Array
 from .bias_drift import APART, SHARE_OF_WEIGHT, STRENGTHS, Drift
 from .error_covariance import Turned
 from .least_squares import Members, Priors
-from .noise import ALIKE, LARGEST_STEP, LEAST_DOF, OFF_GROUP, NoiseModel
+from .noise import ALIKE, LARGEST_STEP, LEAST_DOF, OF_GROUP, OFF_GROUP, NoiseModel
 
 USUAL = 0.01
 """rad: scale of a half-normal prior of the turns' standard deviation, as robots are good to half a degree."""
@@ -47,39 +48,16 @@ class Linear:
     noise: NoiseModel
 
 
-@dataclass(frozen=True)
-class Component:
-    """Of a variance: the sum of squares `chi2` over it, the `dof` that it has on average, and of its prior's logarithm
-    the slope and the curvature, in the logarithm of the variance.
-    """
-
-    chi2: float
-    dof: float
-    prior_slope: float = 0.0
-    prior_curvature: float = 0.0
-
-    @property
-    def slope(self) -> float:
-        """Of minus the logarithm of the evidence: where positive, the variance is too large."""
-        return 0.5 * (self.dof - self.chi2) + self.prior_slope
-
-    @property
-    def step(self) -> float:
-        """Of the logarithm of the variance, to its optimum."""
-        curvature = 0.5 * max(self.chi2, 0.5 * self.dof, LEAST_DOF) + self.prior_curvature
-        return float(np.clip(-self.slope / curvature, -LARGEST_STEP, LARGEST_STEP))
-
-    @property
-    def log_volume(self) -> float:
-        """Twice the logarithm of what Laplace's method gives it."""
-        return float(np.log(2.0 * np.pi / (0.5 * max(self.dof, LEAST_DOF) + self.prior_curvature)))
-
-
 @dataclass(frozen=True, eq=False)
 class Optimum:
     """The parameters' best under V: `total` (p + 1, p + 1) products of derivatives and errors under V^-1, the
-    `weighted` derivatives (n, 6, p), the `covariance` (p, p), `left` (n, 6) V^-1 times what the tool leaves, `chi2` and
-    `dof` (6,) of the axes, the two other components, and what of `chi2` and `dof` is `of_drift` (2, 6).
+    `weighted` derivatives (n, 6, p) and what the tool leaves, weighted, `left` (n, 6), both in units of the noise, and
+    the `covariance` (p, p).
+
+    Of the variances of the noise of six axes, of the drift and of the turns (8): what each `makes` of the readings as
+    they are `left`, (n, 6, 8); their sums of squares `chi2` over the variance, and the `dof` that these have on
+    average, those `of_drift` on each axis (6,); of minus the logarithm of their prior the `prior_slope` (8,) and the
+    `prior_curvature` (8, 8), in the logarithms of the variances.
     """
 
     V: Turned
@@ -87,11 +65,47 @@ class Optimum:
     weighted: Array
     covariance: Array
     left: Array
-    chi2: Array
+    makes: Array
     dof: Array
-    drift: Component
-    turns: Component
     of_drift: Array
+    prior_slope: Array
+    prior_curvature: Array
+
+    @cached_property
+    def chi2(self) -> Array:
+        """(8,)."""
+        return np.asarray(self.left.ravel() @ self.makes.reshape(-1, 8))
+
+    @property
+    def of_axes(self) -> tuple[Array, Array]:
+        """The `chi2` and the `dof` (6,) of noise and drift of each axis."""
+        drift = (self.left * self.makes[:, :, 6]).sum(axis=0)
+        return self.chi2[:6] + drift, np.maximum(self.dof[:6] + self.of_drift, 0.0)
+
+    @property
+    def slope(self) -> Array:
+        """Of minus the logarithm of the evidence (8,): where positive, a variance is too large."""
+        return np.asarray(0.5 * (self.dof - self.chi2) + self.prior_slope)
+
+    def log_volume(self, component: int) -> float:
+        """Twice the logarithm of what Laplace's method gives the variance of the drift or of the turns."""
+        curvature = 0.5 * max(float(self.dof[component]), LEAST_DOF) + self.prior_curvature[component, component]
+        return float(np.log(2.0 * np.pi / curvature))
+
+    @property
+    def curvature(self) -> Array:
+        """How the slope changes (8, 8) with the logarithms of the variances, those of the axes with a drift as strong:
+        the average of the true and the expected change, which needs no traces (Gilmour, Thompson and Cullis, 1995), no
+        less than a quarter of the `dof`: from far above it would leap.
+        """
+        p, with_drift = len(self.covariance), self.makes.copy()
+        with_drift[:, range(6), range(6)] += self.makes[:, :, 6]
+        flat, changed = self.makes.reshape(-1, 8), self.V.whitened(with_drift).reshape(-1, 8)
+        of_J = self.weighted.reshape(-1, p)
+        average = 0.5 * (flat.T @ changed - (of_J.T @ flat).T @ self.covariance @ (of_J.T @ with_drift.reshape(-1, 8)))
+        diagonal = average.ravel()[::9]
+        np.maximum(diagonal, np.maximum(0.25 * self.dof, LEAST_DOF), out=diagonal)
+        return np.asarray(average + self.prior_curvature)
 
 
 def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Optimum:
@@ -99,35 +113,39 @@ def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Opti
     size is as likely.
     """
     hypothesis = np.flatnonzero(linear.priors.apart == ALIKE)[-1]
-    n, _, p = linear.J.shape
-    base = V.base
-    errors = linear.errors + V.sd**2 * linear.weight * linear.J[:, :, 0]
-    both = np.concatenate([linear.J, errors[..., None]], axis=2)
-    weighted = V.precision_times(both)
-    total = both.reshape(6 * n, -1).T @ weighted.reshape(6 * n, -1)
+    m, _, p = linear.J.shape
+    both = np.concatenate([linear.J, linear.errors[..., None]], axis=2) / V.noise[:, None]
+    both[:, :, p] += V.sd**2 * linear.weight * both[:, :, 0]
+    weighted = V.whitened(both)
+    total = both.reshape(6 * m, -1).T @ weighted.reshape(6 * m, -1)
     information, pull = total[:p, :p].copy(), total[:p, p].copy()
     information[np.ix_(linear.columns, linear.columns)] += linear.priors.information[hypothesis]
     pull[linear.columns] += linear.priors.pull[hypothesis]
     covariance = inverse_of(information)
-    step = np.r_[-covariance @ pull, 1.0]
-    left, of_J = weighted @ step, weighted[:, :, :p]
-    relative = base.relative[base.kept]
-    spread = np.einsum("naa->na", V.precision_blocks) - np.sum((of_J @ covariance) * of_J, axis=2)
-    along, turned = V.along_drift(of_J), V.along_turns(of_J)
-    squares = np.sum(V.along_drift(left[..., None])[..., 0] ** 2, axis=0)
-    of_drift = np.array([squares, V.dof_of_drift - np.sum((along @ covariance) * along, axis=(0, 2))])
-    dof = V.dof_of_turns - float(np.sum((turned @ covariance) * turned))
-    turns = Component(float(np.sum(V.along_turns(left[..., None]) ** 2)), dof, *_half_normal(V.sd / USUAL))
-    size = base.strength * base.of_forces / max(abs(linear.weight), 1e-12)
-    known = _half_normal(size / usual_share) if usual_share else (0.0, 0.0)
-    drift = Component(float(of_drift[0].sum()), float(of_drift[1].sum()), *known)
-    chi2, dof = np.array([relative @ left**2, relative @ spread]) * base.variance + of_drift
-    return Optimum(V, total, of_J, covariance, left, chi2, dof, drift, turns, of_drift)
+    left, of_J = weighted @ np.append(-covariance @ pull, 1.0), weighted[:, :, :p]
+    dof = np.zeros(8)
+    along = (V.drift.T @ of_J.reshape(m, -1)).reshape(-1, 6, p)
+    of_drift = V.dof_of_drift - ((along @ covariance) * along).sum(axis=(0, 2))
+    dof[:6] = V.relative @ (V.precision_diagonal - ((of_J @ covariance) * of_J).sum(axis=2))
+    dof[6] = of_drift.sum()
+    dof[7] = 6.0 * m - (covariance * total[:p, :p]).sum() - dof[:7].sum()
+    prior = _prior(linear, V, usual_share)
+    return Optimum(V, total, of_J, covariance, left, V.parts_times(left), np.maximum(dof, 0.0), of_drift, *prior)
 
 
-def _half_normal(size: float) -> tuple[float, float]:
-    """Slope and curvature of minus the logarithm of its density, in the logarithm of the square of a `size`."""
-    return 0.5 * (size**2 - 1.0), 0.5 * size**2
+def _prior(linear: Linear, V: Turned, usual_share: float | None) -> tuple[Array, Array]:
+    """Slope (8,) and curvature (8, 8) of minus the logarithm of the variances' prior: axes are alike, and turns and the
+    size of a drift are half-normal.
+    """
+    base, slope, curvature = V.base, np.zeros(8), np.zeros((8, 8))
+    curvature[:6, :6] = OFF_GROUP / ALIKE**2
+    slope[:6] = curvature[:6, :6] @ np.log(base.variance)
+    usual = (V.sd / USUAL) ** 2
+    slope[7], curvature[7, 7] = 0.5 * (usual - 1.0), 0.5 * usual
+    if usual_share and base.strength > 0.0:
+        usual = (base.strength * base.of_forces / (usual_share * max(abs(linear.weight), 1e-12))) ** 2
+        slope[6], curvature[6, 6] = 0.5 * (usual - 1.0), 0.5 * usual
+    return slope, curvature
 
 
 def shows(V: Turned) -> bool:
@@ -136,27 +154,27 @@ def shows(V: Turned) -> bool:
 
 
 def at_optimum(linear: Linear, V: Turned, drift: Drift | None = None) -> Optimum:
-    """The best noise, turns and strength of a `drift`, from those of V on, as long as turns show; a change of the noise
-    leaves the drift as large as it is.
-    """
+    """The best noise, turns and strength of a `drift`, from those of V on, as long as turns show."""
     usual_share = None if drift is None else SHARE_OF_WEIGHT.get(drift.kind)
-    strengths = STRENGTHS if drift is None else drift.strengths
+    weakest, strongest = (STRENGTHS if drift is None else drift.strengths)[[0, -1]]
     for _ in range(MOST_PASSES):
         found, base = look_at(linear, V, usual_share), V.base
-        log_variance, (chi2, dof) = np.log(base.variance), np.array([found.chi2, found.dof]) - found.of_drift
-        squares, dof = (chi2 * base.variance)[None], np.maximum(dof, 0.0)[None]
-        better = linear.noise.improved(log_variance[None], squares, dof, np.array([ALIKE]), first=False)[0]
-        better = np.maximum(better, np.log(V.beyond_first_order))
-        gain = dof[0] @ (better - log_variance) ** 2 + found.turns.dof * found.turns.step**2
-        strength = base.strength
-        if strength > 0.0:
-            as_large = float(np.exp(0.5 * np.mean(log_variance - better)))
-            strength = float(np.clip(strength * as_large * np.exp(0.5 * found.drift.step), *strengths[[0, -1]]))
-            gain += found.drift.dof * (2.0 * np.log(strength / (base.strength * as_large))) ** 2
-        if 0.25 * gain < GAIN or not shows(V):
+        least = np.log(np.maximum(linear.noise.least, V.beyond_first_order))
+        slope, curvature, log_variance = found.slope, found.curvature, np.log(base.variance)
+        nothing_left = found.dof[:6] @ OF_GROUP <= 3.0 * LEAST_DOF  # of readings: their noise would vanish
+        held = np.append(((log_variance <= least) | nothing_left) & (slope[:6] > 0.0), [False, False])
+        held[6] = base.strength <= weakest if slope[6] > 0.0 else base.strength >= strongest
+        held[6] |= base.strength == 0.0
+        curvature[held], curvature[:, held], slope[held] = 0.0, 0.0, 0.0
+        curvature[held, held] = 1.0
+        step = -np.linalg.solve(curvature, slope)
+        if -0.5 * slope @ step < GAIN or not shows(V):
             break
-        base = replace(base, variance=np.exp(better), strength=strength)
-        V = replace(V, base=base, sd=V.sd * np.exp(0.5 * found.turns.step))
+        step *= min(1.0, LARGEST_STEP / float(np.abs(step).max()))
+        better = np.maximum(log_variance + step[:6], least)
+        by = np.exp(0.5 * step[6:])
+        strength = float(np.clip(base.strength * by[0], weakest, strongest)) if base.strength else 0.0
+        V = replace(V, base=replace(base, variance=np.exp(better), strength=strength), sd=V.sd * float(by[1]))
     return found
 
 
@@ -171,11 +189,11 @@ def along_axes(found: Optimum, L: Array) -> Array:
 
 def _in_common(V: Turned, weighted: Array, covariance: Array) -> tuple[Array, Array]:
     """What readings have in common by a drift, turns and parameters, in units of the noise and weighed by what each has
-    for itself, (m, 6, r), and its covariance (r, r) given the readings; `weighted` derivatives (m, 6, p) under V^-1.
+    for itself, (m, 6, r), and its covariance (r, r) given the readings; `weighted` derivatives (m, 6, p), likewise.
     """
     c, p = V.columns.shape[2], len(covariance)
     known = np.block([[V.left_in_common, np.zeros((c, p))], [np.zeros((p, c)), covariance]])
-    return np.concatenate([V.weighted_columns, weighted * V.noise[:, None]], axis=2), known
+    return np.concatenate([V.weighted_columns, weighted], axis=2), known
 
 
 def members_of(
@@ -184,7 +202,7 @@ def members_of(
     """The solutions under each hypothesis that has the axes alike; the `strengths` of the drift of a `kernel`, and
     `robot`: which way its errors go on.
     """
-    V, p, priors = optimum.V, linear.J.shape[2], linear.priors
+    V, p, priors, (chi2, dof) = optimum.V, linear.J.shape[2], linear.priors, optimum.of_axes
     h = np.flatnonzero(priors.apart == ALIKE)
     m, place = len(h), np.ix_(range(len(h)), linear.columns, linear.columns)
     information, pull = np.tile(optimum.total[:p, :p], (m, 1, 1)), np.tile(optimum.total[:p, p], (m, 1))
@@ -202,9 +220,9 @@ def members_of(
         step[:, linear.columns],
         covariance[place],
         np.tile(V.base.variance, (m, 1)),
-        np.tile(optimum.dof, (m, 1)),
+        np.tile(dof, (m, 1)),
         log_evidence + log_prior + priors.log_prior[h],
-        np.tile(optimum.chi2, (m, 1)),
+        np.tile(chi2, (m, 1)),
         np.full(m, V.base.strength),
         np.full(m, robot, dtype=np.intp),
         np.full(m, V.sd),
@@ -216,10 +234,10 @@ def _log_volume(linear: Linear, found: Optimum, strengths: Array) -> float:
     drift's strength is even over its logarithm, and where readings say nothing it may be any.
     """
     usual = (found.V.sd / USUAL) ** 2
-    volume = found.turns.log_volume + np.log(0.5 / np.pi * usual) - usual
+    volume = found.log_volume(7) + np.log(0.5 / np.pi * usual) - usual
     if found.V.base.strength > 0.0:
-        volume += min(found.drift.log_volume - 2.0 * np.log(2.0 * APART), 2.0 * np.log(len(strengths)))
-    variance, dof = np.log(found.V.base.variance)[None], np.maximum(found.dof, 0.0)[None]
+        volume += min(found.log_volume(6) - 2.0 * np.log(2.0 * APART), 2.0 * np.log(len(strengths)))
+    variance, dof = np.log(found.V.base.variance)[None], found.of_axes[1][None]
     return float(volume - linear.noise.log_volume(variance, dof, np.array([ALIKE]))[0])
 
 
@@ -230,7 +248,7 @@ def log_spread(V: Turned, J: Array, information: Array) -> Array:
     V is a sum of seven parts of a variance each: an entry of Fisher's information is half the trace of P V_i P V_k. And
     P is what was inverted first less `W known W^T`, of few columns.
     """
-    W, known = _in_common(V, V.precision_times(J), inverse_of(information))
+    W, known = _in_common(V, V.whitened(J / V.noise[:, None]), inverse_of(information))
     fisher = 0.5 * (_of_pairs_drift_first(V, W, known) if V.drift_first else _of_pairs_turns_first(V, W, known))
     fisher[:6, :6] += OFF_GROUP / ALIKE**2
     fisher[6, 6] += 0.5 * (V.sd / USUAL) ** 2
