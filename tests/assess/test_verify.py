@@ -122,6 +122,64 @@ def test_a_mounting_that_slipped_is_none_of_noise_and_no_lack_of_tilt(model: str
         assert text.endswith("more than the bias changed: calibrate anew")
 
 
+@pytest.mark.parametrize("degrees", [10.0, 20.0, 60.0])
+def test_a_mounting_that_turned_far_is_no_scatter_of_the_poses(degrees: float) -> None:
+    rig, R, rng = example(24)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    turned = replace(rig, R_flange_sensor=rig.R_flange_sensor @ Rotation.from_euler("z", degrees, True).as_matrix())
+    for unseen in (random_rotations(8, rng), random_rotations(20, rng)):
+        result = verify(calibration, noisy(turned, unseen, rng))
+        assert not result.passed
+        assert [
+            f.text for f in result.findings if not f.text.endswith("more than the bias changed: calibrate anew")
+        ] == []
+        assert result.findings or result.reason.endswith("; calibrate anew, and contactwrench diff tells what changed")
+
+
+def test_an_axis_that_reads_less_since_an_overload_is_no_contact_in_several_poses() -> None:
+    """3 % less of fy: it is neither poses that are off, nor a scatter that no sensor explains."""
+    said = []
+    for seed in range(8):
+        rig, R, rng = example(60 + seed)
+        rig = replace(rig, weight=40.0)
+        calibration, unseen = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(12, rng)
+        samples = noisy(rig, unseen, rng)
+        samples = replace(samples, wrench=samples.wrench * [1.0, 0.97, 1.0, 1.0, 1.0, 1.0])
+        result = verify(calibration, samples)
+        assert not result.passed
+        said += [finding.text for finding in result.findings]
+    assert not any(" and pose " in text and "take them anew" in text for text in said)
+    assert not any("poses differ" in text for text in said)
+    assert sum(text.endswith("more than the bias changed: calibrate anew") for text in said) >= 4
+
+
+def test_rows_that_are_means_are_held_to_what_poses_differ_by() -> None:
+    """A stream calibrated, with samples of 10 times the noise: a zero 8 std of a pose off is none of a sample's noise.
+    Rows that are samples stay so, and no change is a change.
+    """
+    rig, R, rng = example(25, poses=10)
+    rows = 100
+    wrench = np.repeat(readings(rig, R), rows, axis=0) + 10.0 * NOISE * rng.normal(size=(10 * rows, 6))
+    calibration = cw.calibrate(cw.Samples(wrench, np.repeat(R, rows, axis=0)), "mount")
+    moved = replace(rig, bias=rig.bias + 8.0 * NOISE)
+    note = (
+        "times as much as samples do: they are taken as means of many, and held to what the poses of the calibration "
+        "differed by"
+    )
+    for of_samples in (False, True):
+        kinds = []
+        for _ in range(10):
+            unseen = random_rotations(10, rng)
+            same, off = (noisy(world, unseen, rng, (10.0 if of_samples else 1.0) * NOISE) for world in (rig, moved))
+            results = verify(calibration, same), verify(calibration, off)
+            assert results[0].passed
+            assert of_samples or not results[1].passed
+            findings = [finding for each in results for finding in each.findings]
+            kinds += [finding.kind for finding in findings]
+            assert all(finding.text.endswith(note) for finding in findings if finding.kind is Kind.ROWS_OF_MEANS)
+        assert kinds.count(Kind.ROWS_OF_MEANS) == (0 if of_samples else 20)
+
+
 @pytest.mark.parametrize("noisier", [3.0, None])
 def test_poses_that_no_tool_explains_are_not_said_to_have_another(noisier: float | None) -> None:
     """Three times as noisy, or with orientations that are read the wrong way round."""
@@ -131,7 +189,7 @@ def test_poses_that_no_tool_explains_are_not_said_to_have_another(noisier: float
     samples = cw.Samples(wrench, unseen if noisier else unseen.transpose(0, 2, 1))
     (text,) = (finding.text for finding in verify(calibration, samples).findings)
     assert text.startswith("a bias that moved by ")
-    times = text.partition("; no tool and mounting explain that, poses differ ")[2].partition(" ")[0]
+    times = text.partition("; no tool, mounting and sensor explain that, poses differ ")[2].partition(" ")[0]
     assert text.endswith(
         f"{times} times as much as when calibrating: look for contact, motion, a base that moved, or a file that is "
         "read otherwise (sign, units, orientation: contactwrench diagnose)"

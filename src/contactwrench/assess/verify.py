@@ -15,18 +15,25 @@ from itertools import chain
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.findings import BIAS_MOVED, Finding, WithFindings
+from ..calibration.findings import BIAS_MOVED, Finding, Kind, Severity, WithFindings
 from ..compensate.noise import reading_variance
 from ..errors import InputError
 from ..estimation.findings_of_recording import usable
-from ..estimation.moved_bias import BiasShift, apart, held_against, noise_dof
+from ..estimation.moved_bias import BiasShift, apart, held_against, noise_dof, of_means
 from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, G
 from ..samples.poses import Pose, names_of
 from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
-from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings
+from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings, two_digits
 from .weigh import gravity_in_sensor
+
+OF_MEANS = (
+    "rows scatter {} times as much as samples do: they are taken as means of many, and held to what the poses of the "
+    "calibration differed by"
+)
+
+ANEW = "; calibrate anew, and contactwrench diff tells what changed"
 
 
 @dataclass(frozen=True)
@@ -142,16 +149,21 @@ def verify(
     free = recorded_poses(samples.select(load == 0.0), 0, is_stream(samples))
     poses = free.poses
     residuals, bias = np.empty((0, 6)), None
+    named: tuple[Finding, ...] = ()
     tests = {} if weighed is None else {"error of the weighings": weighed}
     if poses:
         R = np.array([pose.R_base_flange for pose in poses])
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
-        noise = reading_variance(calibration, poses)
-        whole, bias = held_against(calibration, residuals, R, noise, noise_dof(calibration), free.lag)
-        named: tuple[Finding, ...] = ()
+        noise, dof = reading_variance(calibration, poses), noise_dof(calibration)
+        between = reading_variance(calibration, poses, np.inf)
+        if all(pose.n == 1 for pose in poses) and (less := of_means(calibration, residuals, R, noise, between)):
+            share = two_digits(float(np.sqrt(np.mean(less[0] / noise))))
+            findings.append(Finding(Kind.ROWS_OF_MEANS, Severity.NOTE, OF_MEANS.format(share)))
+            noise, dof = less[0], min(dof, less[1]) if dof > 0.0 else less[1]
+        whole, bias = held_against(calibration, residuals, R, noise, dof, free.lag)
         if bias is not None and max(whole.probability, bias.rest_probability) < SIGNIFICANCE and not bias.with_other:
             names = names_of(poses, 0.0 if samples.t is None else samples.t[0])
-            named = apart(calibration, residuals, R, noise, whole.dof, names, free.lag)
+            named = apart(calibration, residuals, R, noise, whole.dof, names, free.lag, bias.with_any)
         findings += named or ([] if bias is None or bias.finding is None else [bias.finding])
         if bias is not None and _moves_so(calibration, bias):
             rest = MisfitTest(bias.rest_chi2, whole.readings - 6, whole.dof)
@@ -167,6 +179,7 @@ def verify(
         reason = (
             f"the {judged} is {'no more' if passed else 'more'} than the calibration's covariance and noise explain "
             f"(chi-square {test.chi2:.3g} per reading, probability {percent(test.probability)}{test.caution})"
+            f"{'' if passed or bias is None or bias.finding or named or weighings else ANEW}"
         )
     else:
         if not poses:

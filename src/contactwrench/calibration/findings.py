@@ -32,6 +32,7 @@ class Kind(StrEnum):
     SPIKES = "spikes"
     LOADED_ROWS = "loaded_rows"
     ROWS_APART = "rows_apart"
+    ROWS_OF_MEANS = "rows_of_means"
     STILL_SEGMENTS_LEFT_OUT = "still_segments_left_out"
     POSES_ON_THE_WAY = "poses_on_the_way"
     POSE_LEFT_OUT = "pose_left_out"

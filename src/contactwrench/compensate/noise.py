@@ -186,15 +186,15 @@ def six_numbers(values: ArrayLike | None, what: str, within: Range, default: flo
     return [default] * 6 if values is None else list(within.require(values, what, (6,)).tolist())
 
 
-def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:
+def reading_variance(calibration: Calibration, poses: tuple[Pose, ...], rows: float | None = None) -> Array:
     """Variance (n, 6) of the poses' mean readings: what poses of the calibration differed by, and the scatter of a
     sample over the rows that each of these has (where the calibration saw no repeated rows, its noise has both); and
-    the digits that these are rounded to, by as much as they are coarser.
+    the digits that these are rounded to, by as much as they are coarser. `rows`: of each, where it is known otherwise.
     """
-    rows = np.array([pose.n for pose in poses], dtype=np.float64)
+    n = np.array([rows or pose.n for pose in poses], dtype=np.float64)
     readings = (np.array([pose.wrench for pose in each]).reshape(-1, 6) for each in (poses, calibration.fitted_poses))
     coarse, fine = map(variance_of_digits, readings)
-    return variance_of_means(calibration.noise, calibration.fitted_poses, rows) + np.maximum(coarse - fine, 0.0)
+    return variance_of_means(calibration.noise, calibration.fitted_poses, n) + np.maximum(coarse - fine, 0.0)
 
 
 @kernel

@@ -12,14 +12,15 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array, Frozen
+from ..model import affine_jacobian, gravity_in_flange
 from ..statistics import SIGNIFICANCE, MisfitTest, force_and_torque, percent, products_of_readings, two_digits
 from .outliers import MOST_SHARE
 
 NEW_ZERO = "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"
 MORE_CHANGED = "more than the bias changed: calibrate anew"
 SCATTERED = (
-    "no tool and mounting explain that, poses differ {} times as much as when calibrating: look for contact, motion, a "
-    "base that moved, or a file that is read otherwise (sign, units, orientation: contactwrench diagnose)"
+    "no tool, mounting and sensor explain that, poses differ {} times as much as when calibrating: look for contact, "
+    "motion, a base that moved, or a file that is read otherwise (sign, units, orientation: contactwrench diagnose)"
 )
 OF_PART = 2
 """Poses at least before and after a change of the bias: a single one may be in contact."""
@@ -27,8 +28,8 @@ FEWEST_IF_MOVED, MOST_OFF = 6, 12
 """Poses, from which on a bias that moved before is thought of, too; and how many at most are off, and named."""
 LEAST_LEFT = 6
 """Readings more than another tool, mounting and bias have numbers: with fewer these explain anything."""
-ANY_MOUNTING = ("mount", "mount+base", "affine")
-"""Models whose errors are those of any tool on any mounting."""
+LITTLE, FAR_LESS = 1e-3, 0.5
+"""Probability that samples scatter as little by chance; and of their variance, below which it makes a difference."""
 TELLS_NOTHING = 1e200
 """Variance of a pose that is left out."""
 
@@ -40,8 +41,10 @@ class BiasShift(Frozen):
     `shift` (6,), N and N m, the same in all poses, with its `std` (6,); `chi2` of it, its share of the whole, and the
     `probability` of as much by chance; `rest_chi2` and `rest_probability` of what it leaves; `other_probability` of as
     much of that as another tool or mounting explains beside it; `alone`: whether the rest is what the calibration
-    explains, and no other tool or mounting would do as well; `with_other`: whether with one of these it explains all;
-    `times_noise`: by how much, as a factor, poses differ more than when calibrating, whatever these are; 0: not known.
+    explains, and no other tool or mounting would do as well; `with_other`: whether with one of these, near those of
+    the calibration, it explains all; `with_any`: whether any matrix does, as model `affine` has it, be it of another
+    sensor or of a mounting that turned far; `times_noise`: by how much, as a factor, poses differ more than when
+    calibrating, whatever it is; 0: not known.
     """
 
     shift: Array
@@ -53,6 +56,7 @@ class BiasShift(Frozen):
     other_probability: float
     alone: bool
     with_other: bool
+    with_any: bool
     times_noise: float
 
     @property
@@ -64,7 +68,7 @@ class BiasShift(Frozen):
         if self.alone:
             remedy = NEW_ZERO
         elif min(self.rest_probability, self.other_probability) < SIGNIFICANCE:
-            scatters = self.times_noise > 0.0 and not self.with_other
+            scatters = self.times_noise > 0.0 and not (self.with_other or self.with_any)
             remedy = SCATTERED.format(two_digits(self.times_noise)) if scatters else MORE_CHANGED
         far = f"moved by {force_and_torque(self.shift)}"
         text = (
@@ -90,7 +94,9 @@ def held_against(
     n = len(residuals)
     J = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
     of_bias = [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]
-    columns = [residuals.reshape(-1, 1), np.tile(np.eye(6), (n, 1)), J[:, np.logical_not(of_bias)]]
+    of_B = affine_jacobian(gravity_in_flange(R_base_flange, calibration.gravity_direction)).reshape(6 * n, 6, 4)
+    of_others = J[:, np.logical_not(of_bias)]
+    columns = [residuals.reshape(-1, 1), np.tile(np.eye(6), (n, 1)), of_others, of_B[:, :, :3].reshape(6 * n, 18)]
     covariance = calibration.error_covariance
     if lag is not None:
         late = np.column_stack([R_base_flange.reshape(n, 9), np.ones(n)]) @ lag
@@ -104,12 +110,15 @@ def held_against(
     shift = inverse @ products[1:7, 0]
     of_shift = MisfitTest(float(shift @ products[1:7, 0]), 6, dof)
     rest = MisfitTest(whole.misfit - of_shift.misfit, 6 * n - 6, dof)
-    left = 6 * n - len(products) + 7
-    of_others, of_all = (_explained(products[first:, first:], products[first:, 0]) for first in (7, 1))
-    beside = MisfitTest(max(of_all[0] - of_shift.misfit, 0.0), max(of_all[1] - 6, 1), dof)
-    without_bias = MisfitTest(whole.misfit - of_others[0], max(left, 1), dof)
-    with_bias = MisfitTest(max(whole.misfit - of_all[0], 0.0), max(left - 6, 1), dof)
-    any_tool = left - 6 >= LEAST_LEFT and (calibration.model in ANY_MOUNTING or calibration.gain_covariance is not None)
+    others = 7 + of_others.shape[1]
+    left = 6 * n - others + 7
+    spans = slice(7, others), slice(1, others), slice(1, None)
+    by_others, by_all, by_any = (_explained(products[span, span], products[span, 0]) for span in spans)
+    beside = MisfitTest(max(by_all[0] - of_shift.misfit, 0.0), max(by_all[1] - 6, 1), dof)
+    without_bias = MisfitTest(whole.misfit - by_others[0], max(left, 1), dof)
+    with_bias = MisfitTest(max(whole.misfit - by_all[0], 0.0), max(left - 6, 1), dof)
+    left_by_any = 6 * n - by_any[1]
+    with_any = MisfitTest(max(whole.misfit - by_any[0], 0.0), max(left_by_any, 1), dof)
     return whole, BiasShift(
         shift=shift,
         std=np.sqrt(np.diag(inverse)),
@@ -122,8 +131,35 @@ def held_against(
         and left > 0
         and without_bias.probability < SIGNIFICANCE,
         with_other=left - 6 >= LEAST_LEFT and with_bias.probability >= SIGNIFICANCE,
-        times_noise=float(np.sqrt(with_bias.chi2)) if any_tool else 0.0,
+        with_any=left_by_any >= LEAST_LEFT and with_any.probability >= SIGNIFICANCE,
+        times_noise=float(np.sqrt(with_any.chi2)) if left_by_any >= LEAST_LEFT else 0.0,
     )
+
+
+def of_means(
+    calibration: Calibration, residuals: Array, R_base_flange: Array, variance: Array, between: Array
+) -> tuple[Array, float] | None:
+    """The variance (n, 6) of single rows that are means of many samples, and scatter so much less than a sample, whose
+    `variance` (n, 6) they were taken to have: as they scatter by themselves, whatever tool, sensor and bias are, and no
+    less than poses differ by, `between` (n, 6); and the degrees of freedom behind it. None: they are samples, as far as
+    that can be told.
+    """
+    n = len(residuals)
+    J = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
+    of_B = affine_jacobian(gravity_in_flange(R_base_flange, calibration.gravity_direction)).reshape(6 * n, 24)
+    std = np.sqrt(variance).reshape(-1, 1)
+    whitened, left = np.hstack([J, of_B]) / std, residuals.reshape(-1, 1) / std
+    U, size, _ = np.linalg.svd(whitened / np.linalg.norm(whitened, axis=0).clip(1e-300), full_matrices=False)
+    U = U[:, size > 1e-9 * size[0]]
+    left, dof = left - U @ (U.T @ left), 6 * n - U.shape[1]
+    if dof < LEAST_LEFT:
+        return None
+    from scipy.stats import chi2
+
+    each = np.median(np.sum(left.reshape(n, 6) ** 2, axis=1)) / chi2.median(dof / n)  # a pose that is off counts little
+    less = np.maximum(between, each * variance)
+    few = np.mean(less / variance) < FAR_LESS and chi2.cdf(each * dof, dof) < LITTLE
+    return (less, float(dof)) if few else None
 
 
 def _explained(information: Array, along: Array) -> tuple[float, int]:
@@ -141,9 +177,11 @@ def apart(
     dof: float,
     names: list[str],
     lag: Array | None = None,
+    one_at_most: bool = False,
 ) -> tuple[Finding, ...]:
     """Where `held_against` finds that poses with these `names` contradict the calibration, whatever the bias is: that a
-    few are off, or that the bias changed between two of them, if the calibration explains all else.
+    few are off, or that the bias changed between two of them, if the calibration explains all else. `one_at_most`: not
+    several, as one cause explains these, too.
     """
     n = len(names)
     if n < 2 * OF_PART:
@@ -157,7 +195,7 @@ def apart(
     of_parts = np.sum(sums**2, axis=1) / (before * (n - before))
     first = OF_PART + int(np.argmax(of_parts[OF_PART - 1 : n - OF_PART]))
     change = residuals[first:].mean(axis=0) - residuals[:first].mean(axis=0)
-    ways = (far[:1], [], *(far[:k] for k in range(2, min(len(far), MOST_OFF) + 1)))
+    ways = (far[:1], [], *(far[:k] for k in range(2, 1 if one_at_most else min(len(far), MOST_OFF) + 1)))
     for moved, out in product((False, True) if n >= FEWEST_IF_MOVED else (False,), ways):
         told = np.where(np.isin(np.arange(n), out)[:, None], TELLS_NOTHING, variance)
         later = (np.arange(n) >= (n if out else first))[:, None]

@@ -55,7 +55,7 @@ def verification_text(result: Verification) -> str:
             for w in result.weighings
         ]
         lines += [""]
-    lines += [f"Warning  {warning}" for warning in result.warnings]
+    lines += [f"{finding.label:<7}  {finding.text}" for finding in result.findings]
     lines.append(f"{'PASSED' if result.passed else 'FAILED'}  {result.reason}")
     return "\n".join(map(visible, lines))
 
