@@ -36,6 +36,12 @@ def json_text(values: Any) -> str:
     return msgspec.json.format(msgspec.json.encode(values, enc_hook=np.ndarray.tolist), indent=2).decode()
 
 
+UNTOLD = (
+    "; nothing here tells why: see that the tool is free, then calibrate anew; contactwrench diff tells what changed"
+)
+"""After a check that failed without a finding."""
+
+
 def verification_text(result: Verification) -> str:
     """What is left in the contact-free poses, the paper's Table IX for hung loads, and the verdict."""
     lines = []
@@ -56,7 +62,9 @@ def verification_text(result: Verification) -> str:
         ]
         lines += [""]
     lines += [f"Warning  {warning}" for warning in result.warnings]
-    lines.append(f"{'PASSED' if result.passed else 'FAILED'}  {result.reason}")
+    limited = result.limit_force is not None or result.limit_torque is not None
+    untold = not (result.passed or limited or result.findings or result.weighings)
+    lines.append(f"{'PASSED' if result.passed else 'FAILED'}  {result.reason}{UNTOLD if untold else ''}")
     return "\n".join(map(visible, lines))
 
 
