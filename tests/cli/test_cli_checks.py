@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from tests.support.recordings import PANDA, run, written
-from tests.support.world import random_rotations
+from tests.support.rigs import NOISE, example
+from tests.support.world import noisy_readings, random_rotations
 from tests.support.written import QUAT, Written, quat
 
 Capture = pytest.CaptureFixture[str]
@@ -103,11 +107,54 @@ def test_of_tools_that_share_a_mounting_none_is_written_where_one_fits_badly(tmp
     assert (done.status, out.exists()) == (1, False)
     assert f"{bad}: The fit is bad: " in done.err
     assert f"{good}: " not in done.err
-    assert "not written, --force writes it" in done.err
+    assert "not written, --force writes all" in done.err
     assert (
         run(capsys, "calibrate", good, bad, "--shared", "mount", "--model", "mount", "-o", out, "--force").status == 1
     )
     assert {path.name for path in out.iterdir()} == {"good.json", "bad.json"}
+
+
+def test_a_bad_fit_by_what_is_known_names_that(tmp_path: Path, capsys: Capture) -> None:
+    """A mounting that is stated 10 deg off: the file is read rightly, and is not the first to be looked at."""
+    rig, R, rng = example(1, 12)
+    path = written(tmp_path, Written(QUAT, quat).text(R, noisy_readings(replace(rig, weight=20.0), R, NOISE, rng)))
+    off = rig.R_flange_sensor @ Rotation.from_euler("z", 10.0, degrees=True).as_matrix()
+    for mount, expected in ((rig.R_flange_sensor, ""), (off, KNOWN_IS_WRONG)):
+        done = run(capsys, "calibrate", path, f"--known=mount={','.join(map(repr, mount.ravel().tolist()))}+-0.3")
+        assert re.fullmatch(expected, done.err), done.err
+        assert done.status == bool(expected)
+
+
+KNOWN_IS_WRONG = (
+    r"The fit is bad: \d\.?\d? N are left in the poses, \d\d % of the weight: the readings contradict the known mount "
+    r"\(probability .+\): by themselves they give another direction: one of the two is wrong; if it is the readings, "
+    r"contactwrench diagnose tries the other ways to read the file\n"
+)
+REMOUNTED = (
+    r"{0}, {1}, {2}: The fit is bad: {2} contradicts the other recordings, the mounting by 2\d \+- \S+ deg "
+    r"and gravity by \S+ \+- \S+ deg \(chance under 0\.01 %\): the sensor or the base moved in between, or the tool "
+    r"touched something: calibrate it apart; what fits badly apart too may be read wrongly: contactwrench diagnose "
+    r"tries the other ways"
+)
+
+
+def test_of_tools_that_share_a_mounting_the_one_that_was_remounted_is_named(tmp_path: Path, capsys: Capture) -> None:
+    rig, _, rng = example(5)
+    turned = rig.R_flange_sensor @ Rotation.from_euler("z", 20.0, degrees=True).as_matrix()
+    files = [tmp_path / f"{name}.csv" for name in "abc"]
+    for file, mount in zip(files, (rig.R_flange_sensor,) * 2 + (turned,), strict=True):
+        R, tool = random_rotations(10, rng), replace(rig, weight=20.0, R_flange_sensor=mount)
+        file.write_text(Written(QUAT, quat).text(R, noisy_readings(tool, R, NOISE, rng)))
+    out = tmp_path / "out"
+    shared: tuple[str | Path, ...] = ("calibrate", *files, "--shared", "mount,gravity", "-o", out)
+    named = REMOUNTED.format(*(re.escape(str(file)) for file in files))
+    done = run(capsys, *shared)
+    assert re.fullmatch(rf"{named}; not written, --force writes all\n", done.err), done.err
+    assert (run(capsys, *shared, "--force").status, len(list(out.iterdir()))) == (1, 3)
+    done = run(capsys, *shared, "--force")
+    stays = f"; what is in {out} stays as it was: with --force all are written to a new folder"
+    assert re.fullmatch(named + re.escape(stays) + r"\n", done.err), done.err
+    assert run(capsys, "calibrate", *files[:2], "--shared", "mount,gravity").err == ""
 
 
 @pytest.mark.parametrize("verb", ["calibrate", "diagnose"])

@@ -241,12 +241,50 @@ def test_an_earlier_calibration_brings_model_and_gravity() -> None:
         InputError, match=r"^an earlier calibration brings its model, and model mount is asked for: leave"
     ):
         cw.calibrate(samples, "mount", prior=earlier)
-    with pytest.raises(
-        InputError, match=r"^an earlier calibration brings its gravity, and gravity is stated too: leave"
-    ):
-        cw.calibrate(samples, gravity=(0, 0, -1), prior=earlier)
     with pytest.raises(InputError, match=r"^the prior is a calibration of model affine, expected a rigid tool: "):
         cw.calibrate(samples, prior=cw.calibrate(samples, "affine"))
+
+
+ON_A_WALL = Rotation.from_euler("z", 0.4, degrees=True).apply([-1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("stated", "refused"),
+    [
+        ((-1, 0, 0), ""),
+        ((0, 0, -1), "0,0,-1 is stated, 90 deg from it, expected at most 2.1"),
+        ((-1, 0.05, 0), "-0.999,0.0499,0 is stated, 3.3 deg from it, expected at most 2.1"),
+    ],
+)
+@pytest.mark.parametrize("how", ["gravity", "known"])
+def test_an_earlier_calibration_brings_its_gravity(stated: tuple[float, ...], refused: str, how: str) -> None:
+    """It may be stated once more, and the earlier one's is kept; another one is refused, both named."""
+    rig, R, rng = example(9)
+    samples = noisy(replace(rig, down=ON_A_WALL), R, rng)
+    earlier, again = cw.calibrate(samples, gravity=(-1, 0, 0)), samples.select(slice(1))
+    arguments: dict[str, object] = {how: stated if how == "gravity" else {"gravity": (stated, np.deg2rad(0.71))}}
+    if refused:
+        with pytest.raises(InputError) as refusal:
+            cw.calibrate(again, prior=earlier, **arguments)  # type: ignore[arg-type]
+        found = f"an earlier calibration brings gravity -1,-0.0071,0, and {refused}: leave one of them out"
+        assert str(refusal.value) == found
+        return
+    same = cw.calibrate(again, prior=earlier, **arguments)  # type: ignore[arg-type]
+    alone = cw.calibrate(again, prior=earlier)
+    assert same.bias == pytest.approx(alone.bias, abs=1e-3)
+    assert same.gravity_direction == pytest.approx(earlier.gravity_direction, abs=1e-4)
+
+
+def test_the_gravity_of_the_prior_may_be_said_again(tmp_path: Path, capsys: Capture) -> None:
+    assert _calibrate(capsys, "-o", tmp_path / "tool.json").status == 0
+    assert _calibrate(capsys, "--prior", tmp_path / "tool.json", "--gravity", "0,0,-1").status == 0
+    other = _calibrate(capsys, "--prior", tmp_path / "tool.json", "--gravity=-1,0,0")
+    assert other.status == 2
+    assert re.fullmatch(
+        r"an earlier calibration brings gravity \S+,-1, and -1,0,0 is stated, \d+ deg from it, expected at most 2\.\d: "
+        "leave one of them out",
+        other.complaint,
+    )
 
 
 def _calibrate(capsys: Capture, *flags: str | Path) -> Run:
@@ -359,10 +397,6 @@ def test_a_known_that_cannot_be_read_is_refused(capsys: Capture, flag: str) -> N
         (
             ["--prior", "x.json", "--model", "mount"],
             "--prior brings its model, found --model mount: leave one of them out",
-        ),
-        (
-            ["--prior", "x.json", "--gravity", "0,0,-1"],
-            "--prior brings its gravity, found another one: leave one of them out",
         ),
         (
             ["--prior", "x.json", "--base-tilt-sd", "1"],

@@ -33,8 +33,6 @@ OF_MEANS = (
     "calibration differed by"
 )
 
-ANEW = "; calibrate anew, and contactwrench diff tells what changed"
-
 
 @dataclass(frozen=True)
 class Weighing:
@@ -149,7 +147,6 @@ def verify(
     free = recorded_poses(samples.select(load == 0.0), 0, is_stream(samples))
     poses = free.poses
     residuals, bias = np.empty((0, 6)), None
-    named: tuple[Finding, ...] = ()
     tests = {} if weighed is None else {"error of the weighings": weighed}
     if poses:
         R = np.array([pose.R_base_flange for pose in poses])
@@ -161,6 +158,7 @@ def verify(
             findings.append(Finding(Kind.ROWS_OF_MEANS, Severity.NOTE, OF_MEANS.format(share)))
             noise, dof = less[0], min(dof, less[1]) if dof > 0.0 else less[1]
         whole, bias = held_against(calibration, residuals, R, noise, dof, free.lag)
+        named: tuple[Finding, ...] = ()
         if bias is not None and max(whole.probability, bias.rest_probability) < SIGNIFICANCE and not bias.with_other:
             names = names_of(poses, 0.0 if samples.t is None else samples.t[0])
             named = apart(calibration, residuals, R, noise, whole.dof, names, free.lag, bias.with_any)
@@ -179,7 +177,6 @@ def verify(
         reason = (
             f"the {judged} is {'no more' if passed else 'more'} than the calibration's covariance and noise explain "
             f"(chi-square {test.chi2:.3g} per reading, probability {percent(test.probability)}{test.caution})"
-            f"{'' if passed or bias is None or bias.finding or named or weighings else ANEW}"
         )
     else:
         if not poses:

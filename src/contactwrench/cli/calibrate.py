@@ -185,7 +185,6 @@ def _require_compatible(
         (tilt and not free, f"{tilt} is for model auto, found --model {model}: {one}"),
         (tilt and prior, f"--prior brings its own mounting and base, found {tilt} too: {one}"),
         (prior and not free, f"--prior brings its model, found --model {model}: {one}"),
-        (prior and (gravity is not None or gravity_known), f"--prior brings its gravity, found another one: {one}"),
         (gravity is not None and gravity_known, f"--gravity and --known gravity both state it: {one}"),
         (known and model in ("paper", "affine"), f"model {model} takes nothing as known, found --known: {one}"),
         (

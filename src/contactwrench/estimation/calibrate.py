@@ -102,7 +102,8 @@ def calibrate(
     asked, origin = "auto" if model == "dynamic" else model, dict[str, str]()
     question = question_asked(asked, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     if prior is not None:
-        question = _with_prior(question, prior, gravity is not None, samples)
+        stated = (known or {}).get("gravity", None if gravity is None else (gravity, base_tilt_sd))
+        question = _with_prior(question, prior, stated, samples)
         origin = {"prior": str(prior.provenance.get("source", "arrays")), "tool_from": origin_of_tool(prior)}
     recorded = from_recording(samples, question, g)
     contradicted = of_known(known or {}, recorded.readings, question)
@@ -172,16 +173,12 @@ def question_asked(
     return Question(model, stated, stated_noise(noise), priors, knowledge)
 
 
-def _with_prior(question: Question, prior: Calibration, gravity_stated: bool, samples: Samples) -> Question:
-    other = f"prior is {type(prior).__name__}, expected a Calibration: cw.Calibration.load(path)"
-    brings, model = "an earlier calibration brings its", question.model
-    refuse(
-        (not isinstance(prior, Calibration), other),
-        (model not in ("auto", "dynamic"), f"{brings} model, and model {model} is asked for: leave one out"),
-        (gravity_stated, f"{brings} gravity, and gravity is stated too: leave one of them out"),
-    )
+def _with_prior(question: Question, prior: Calibration, gravity: tuple[Any, Any] | None, samples: Samples) -> Question:
+    other, model = f"prior is {type(prior).__name__}, expected a Calibration: cw.Calibration.load(path)", question.model
+    two = f"an earlier calibration brings its model, and model {model} is asked for: leave one out"
+    refuse((not isinstance(prior, Calibration), other), (model not in ("auto", "dynamic"), two))
     rows = min((pose.n for pose in resting_poses(samples)), default=1)
-    knowledge, noise = known_of(prior, rows)
+    knowledge, noise = known_of(prior, rows, gravity)
     return replace(
         question,
         gravity_direction=prior.gravity_direction,

@@ -121,20 +121,30 @@ def variance_of_digits(wrench: Array) -> Array:
     """Variance (6,) of readings (n, 6) by the digits that they are rounded to, 0 where none shows. Readings of an axis
     that are equal are off alike, and tell no more together than one of them.
     """
-    steps = np.repeat([_step_of(np.unique(np.abs(wrench[:, group]))) for group in (slice(0, 3), slice(3, 6))], 3)
-    alike = np.array([np.sum(np.unique(axis, return_counts=True)[1] ** 2) / max(len(axis), 1) for axis in wrench.T])
-    sweeps = np.ptp(wrench, axis=0) > FEW_STEPS * steps if len(wrench) else np.zeros(6, dtype=np.bool_)
+    steps = np.repeat([_step_of(np.abs(wrench[:, group]).ravel()) for group in (slice(0, 3), slice(3, 6))], 3)
+    if not steps.any():
+        return np.zeros(6)
+    # where runs of equal readings begin, axis by axis
+    begin = np.flatnonzero(np.diff(np.sort(wrench, axis=0).T, axis=1, prepend=np.nan))
+    alike = np.bincount(begin // len(wrench), np.diff(begin, append=wrench.size) ** 2, 6) / len(wrench)
+    sweeps = np.ptp(wrench, axis=0) > FEW_STEPS * steps
     return np.asarray(steps**2 / 12.0 * np.where(sweeps, np.minimum(alike, MOST_ALIKE), alike))
 
 
 def _step_of(sizes: Array) -> float:
-    """The coarsest step that all `sizes` (k,) of readings, N or N m, are multiples of."""
-    if np.count_nonzero(sizes) < FEWEST_TO_TELL:
+    """The coarsest step that all `sizes` (k,) of readings, N or N m, are multiples of, if enough of these differ."""
+    largest = sizes.max(initial=0.0)
+    if largest == 0.0:
         return 0.0
-    for step in STEPS * 10.0 ** np.floor(np.log10(sizes[-1])):
-        if np.all(np.abs(sizes / step - np.rint(sizes / step)) < OFF_GRID):
-            return float(step)
-    return 0.0
+    steps = STEPS * 10.0 ** np.floor(np.log10(largest))
+    by_some = steps[_on_grid(sizes[:FEWEST_TO_TELL], steps[:, None])]  # most often none, and the rest is not looked at
+    step = next((float(step) for step in by_some if _on_grid(sizes, step)), 0.0)
+    return step if step and np.count_nonzero(np.unique(sizes)) >= FEWEST_TO_TELL else 0.0
+
+
+def _on_grid(sizes: Array, steps: Array) -> NDArray[np.bool_]:
+    multiples = sizes / steps
+    return np.asarray(np.all(np.abs(multiples - np.rint(multiples)) < OFF_GRID, axis=-1))
 
 
 def readings_of(poses: tuple[Pose, ...], order_tells: bool) -> PoseReadings:

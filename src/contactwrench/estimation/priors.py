@@ -33,6 +33,9 @@ BASE_TILT_SD = np.deg2rad(0.71)
 EXACT_TILT_SD = np.deg2rad(0.005)
 """What a machined face or a levelled base is off by: the readings cannot see it."""
 
+SURE_OFF = 3.0
+"""Standard deviations that two directions of gravity are apart, from which on they are two: 1 in 90 by chance."""
+
 ON_THE_SPOT = 1e-4
 """rad: below, an angle is its sine."""
 
@@ -228,12 +231,14 @@ def tool_of(prior: Calibration) -> RigidTool:
     return prior.rigid_tool
 
 
-def known_of(prior: Calibration, rows: int) -> tuple[Knowledge, StatedNoise]:
+def known_of(prior: Calibration, rows: int, gravity: tuple[Any, Any] | None = None) -> tuple[Knowledge, StatedNoise]:
     """What an earlier calibration knows of its tool, its bias forgotten, and the noise of a pose that is the mean of so
     many `rows`: what poses differed by, and the scatter of a sample over the rows.
 
-    What the earlier model held, mounting or base, is held to `EXACT_TILT_SD`. Raises `InputError` for `affine`.
+    What the earlier model held, mounting or base, is held to `EXACT_TILT_SD`. Raises `InputError` for `affine`, and
+    for another `gravity`, as stated beside it: direction (3,), base axes, and std, rad an axis.
     """
+    _require_same_gravity(prior, gravity)
     place = {"mount_z" if name == "yaw" else name: k for k, name in enumerate(prior.parameter_names)}
     there = [k for k, name in enumerate(COORDINATES) if name in place]
     source = [place[COORDINATES[k]] for k in there]
@@ -242,6 +247,24 @@ def known_of(prior: Calibration, rows: int) -> tuple[Knowledge, StatedNoise]:
     covariance[range(9), range(9)] *= 1.0 + LEAST_SHARE
     noise = np.sqrt(variance_of_means(prior.noise, prior.fitted_poses, np.array([float(rows)]))[0])
     return earlier_calibration(tool_of(prior), covariance), StatedNoise(noise, prior.dof or MOST_DOF)
+
+
+def _require_same_gravity(prior: Calibration, stated: tuple[Any, Any] | None) -> None:
+    """Raise `InputError` where they are apart by more than both may be off: a single pose would not show that the base
+    stands otherwise now.
+    """
+    if stated is None:
+        return
+    direction, own = unit_direction(stated[0]), prior.gravity_direction
+    off = float(np.arctan2(np.linalg.norm(np.cross(direction, own)), direction @ own))
+    found = [k for k, name in enumerate(prior.parameter_names) if name in GRAVITY]
+    most = SURE_OFF * float(np.sqrt(float(stated[1]) ** 2 + max(np.diag(prior.covariance)[found], default=0.0)))
+    if off > most:
+        brought, given = (",".join(f"{part:.3g}" for part in np.round(each, 4) + 0.0) for each in (own, direction))
+        raise InputError(
+            f"an earlier calibration brings gravity {brought}, and {given} is stated, {np.rad2deg(off):.2g} deg from "
+            f"it, expected at most {np.rad2deg(most):.2g}: leave one of them out"
+        )
 
 
 def with_errors_of(calibration: Calibration, prior: Calibration | None) -> Calibration:

@@ -39,10 +39,16 @@ class Calibrated:
         """Why the check fails, a line each: a bad fit; an accuracy or a mass that is missed; with `strict`, a verdict
         that is not good.
         """
+        badly: dict[str, list[str]] = {}
+        for c in self.calibrations:
+            for why in _bad_fit(c):
+                badly.setdefault(why, []).append(str(c.provenance["source"]))
         lines = []
+        for why, files in badly.items():
+            where = f"{', '.join(files)}: " if len(self.calibrations) > 1 else ""
+            lines.append(f"{where}The fit is bad: {why}{self.held_back}")
         for c, (accuracy, mass) in zip(self.calibrations, self.missed, strict=True):
             where = f"{c.provenance['source']}: " if len(self.calibrations) > 1 else ""
-            lines += [f"{where}The fit is bad: {text}{self.held_back}" for text in _bad_fit(c)]
             lines += [f"{where}Required accuracy missed: at a new orientation, {accuracy}"] if accuracy else []
             lines += [f"{where}Requirement missed: {mass}; contactwrench diagnose lists other units"] if mass else []
             if strict and c.verdict != "good":
@@ -138,11 +144,16 @@ def output_files(files: Sequence[Path], output: Path | None, several: bool) -> l
 
 
 def _held_back(paths: Sequence[Path], force: bool) -> str:
-    """Why bad fits are not written to `paths`, and what to do; nothing where they are."""
+    """Why bad fits are not written to `paths`, and what to do; nothing where they are. Of several none is."""
+    several = len(paths) > 1
     if paths and not force:
-        return "; not written, --force writes it"
+        return f"; not written, --force writes {'all' if several else 'it'}"
     there = next((path for path in paths if path.is_file() and path.stat().st_size), None)
-    return f"; {there} stays as it was: with --force it is written to a new name" if there else ""
+    if there is None:
+        return ""
+    if several:
+        return f"; what is in {there.parent} stays as it was: with --force all are written to a new folder"
+    return f"; {there} stays as it was: with --force it is written to a new name"
 
 
 def _missed(calibration: Calibration, required: tuple[float | None, float | None]) -> str:
@@ -169,5 +180,15 @@ def _joined(missed: tuple[str, str]) -> str:
 
 
 def _bad_fit(c: Calibration) -> list[str]:
-    """The sentence that a fit is bad."""
-    return [finding.text.removeprefix("weak: ") for finding in c.findings if finding.kind is Kind.POOR_FIT]
+    """Why a fit is bad: what was stated beside the readings, or recorded with them, and contradicts them comes before a
+    file that is read wrongly; which it may be all the same.
+    """
+    texts = {finding.kind: finding.text.removeprefix("weak: ") for finding in reversed(c.findings)}
+    if Kind.POOR_FIT not in texts:
+        return []
+    if others := texts.get(Kind.CONTRADICTS_OTHERS):
+        return [f"{others}; what fits badly apart too may be read wrongly: contactwrench diagnose tries the other ways"]
+    if known := texts.get(Kind.CONTRADICTS_KNOWN):
+        left = texts[Kind.POOR_FIT].partition(": ")[0]
+        return [f"{left}: {known}; if it is the readings, contactwrench diagnose tries the other ways to read the file"]
+    return [texts[Kind.POOR_FIT]]

@@ -15,6 +15,7 @@ import numpy as np
 from ..assess.verify import Verification
 from ..assess.weigh import REFUSALS, HeldObject
 from ..calibration.difference import Difference, GroupChange
+from ..calibration.findings import Severity
 from ..errors import visible
 from ..geometry.arrays import Array
 from ..model import AXES
@@ -34,6 +35,12 @@ _MILLI = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
 def json_text(values: Any) -> str:
     """Values as JSON for people: arrays as lists, dataclasses as objects, NaN as null."""
     return msgspec.json.format(msgspec.json.encode(values, enc_hook=np.ndarray.tolist), indent=2).decode()
+
+
+UNTOLD = (
+    "; nothing here tells why: see that the tool is free, then calibrate anew; contactwrench diff tells what changed"
+)
+"""After a check that failed without a finding."""
 
 
 def verification_text(result: Verification) -> str:
@@ -56,7 +63,10 @@ def verification_text(result: Verification) -> str:
         ]
         lines += [""]
     lines += [f"{finding.label:<7}  {finding.text}" for finding in result.findings]
-    lines.append(f"{'PASSED' if result.passed else 'FAILED'}  {result.reason}")
+    limited = result.limit_force is not None or result.limit_torque is not None
+    told = any(finding.severity is not Severity.NOTE for finding in result.findings)
+    untold = not (result.passed or limited or told or result.weighings)
+    lines.append(f"{'PASSED' if result.passed else 'FAILED'}  {result.reason}{UNTOLD if untold else ''}")
     return "\n".join(map(visible, lines))
 
 
