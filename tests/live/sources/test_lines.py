@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from contactwrench.live.intake import Intake
 from contactwrench.live.source import Batch, DeviceError, NoteKind, Sample
 from contactwrench.live.sources.lines import LinesDecoder
 from contactwrench.live.uri import source_of
@@ -276,3 +277,26 @@ def test_two_that_send_to_one_port_are_not_mixed(host: str) -> None:
     assert alone.samples == []
     assert [each.wrench[0] for each in after.samples if each.wrench] == [2.0]
     assert after.notes == []
+
+
+@pytest.mark.parametrize(("name", "leaps"), [("t", True), ("t_ms", False)])
+def test_ms_since_power_on_under_a_name_without_a_unit_are_said_and_not_used(name: str, leaps: bool) -> None:
+    decoder, batch, intake = LinesDecoder(Naming(), None), Batch(), Intake("udp://:9000", "sensor")
+    for k in range(100):
+        t = 5 * k + 13_700_000
+        line = f'{{"{name}": {t}, "fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}}\n'
+        decoder.feed(line.encode(), 0.005 * k, batch)
+    flaws = [sample.flaw for _, sample in intake.take(batch)]
+    said = "broken: t goes on by 5 s a line, expected s: name its unit, as t_ms, t_us or t_ns"
+    assert flaws == (
+        ["late: its clock is not known yet, what waited may still come"] * 10 + [said] * 90 if leaps else [""] * 100
+    )
+
+
+def test_a_clock_that_is_set_once_is_no_other_unit() -> None:
+    decoder, batch = LinesDecoder(Naming(), None), Batch()
+    for k in range(100):
+        t = 0.005 * k + (1_000.0 if k >= 50 else 0.0)
+        decoder.feed(f'{{"t": {t}, "fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}}\n'.encode(), 0.005 * k, batch)
+    assert [sample.flaw for sample in batch.samples] == [""] * 100
+    assert [note.kind for note in batch.notes] == [NoteKind.RESTARTED]
