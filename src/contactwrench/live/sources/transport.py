@@ -217,12 +217,10 @@ class Udp(Link):
         """Take from whoever sends first, until it is silent for `ANOTHER` s, at an address of this computer's (empty:
         all); the port. Raises `DeviceError`.
         """
-        family, address = socket.AF_INET, (host, port)
-        if host:
-            family, _, _, _, address = self.addresses(host, port, socket.SOCK_DGRAM)[0]
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
         with self._lock:
             made = self._use_socket(family, socket.SOCK_DGRAM)
-            self._try(lambda: made.bind(address), f"port {port} taken", "end the other program, or choose another")
+            self._try(lambda: made.bind((host, port)), f"port {port} taken", "end the other program, or choose another")
             self.sender, self._others = None, (0, None)
             bound: int = made.getsockname()[1]
             return bound
