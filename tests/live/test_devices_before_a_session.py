@@ -62,6 +62,11 @@ def test_a_stall_and_silence_are_no_rate(stalled: list[float], monkeypatch: pyte
     assert after(Sends([]), monkeypatch) < 1.7
 
 
+def test_a_computer_that_is_busy_at_opening_makes_no_other_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half of what comes is lost for a second and a half; then all of it is counted."""
+    assert after(Sends([*at(55.0, 0.0, 1.45), *at(100.0, 1.45)]), monkeypatch) < 3.0
+
+
 @pytest.mark.parametrize("kept", [0, 20])
 @pytest.mark.parametrize("rate", [50.0, 75.0, 125.0, 1_000.0])
 def test_another_rate_is_refused(rate: float, kept: int, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from contactwrench.live.counter import Counter
 from contactwrench.live.intake import Intake
 from contactwrench.live.session import Session
 from contactwrench.live.sink import Pose, Reading, Turn
-from contactwrench.live.source import About, Batch, Sample
+from contactwrench.live.source import About, Batch, Note, NoteKind, Sample
 from contactwrench.live.uri import source_of
 from tests.support.chain import NOISE, calibration
 from tests.support.live_world import Array
@@ -33,7 +33,7 @@ def timed(clock: Clock, came: Array, device: Array) -> Array:
     """The clock's times, of samples that are fed as they came."""
     borders = [0, *(np.flatnonzero(np.diff(came)) + 1).tolist(), len(came)]
     stamps = list(zip(came.tolist(), device.tolist(), strict=True))
-    parts = [clock.times(stamps[a:b]) for a, b in pairwise(borders)]
+    parts = [[t for t, _ in clock.times(stamps[a:b])] for a, b in pairwise(borders)]
     return np.concatenate(parts)
 
 
@@ -156,3 +156,40 @@ def test_a_contact_costs_nothing_while_samples_cannot_be_used(monkeypatch: pytes
         session.feed(Batch(readings), Batch([Sample(t - 0.009, t, orientation=(0.0, 0.0, 0.0, 1.0))]), t=t)
     assert [event.kind for event in session.events()] == ["connected", "connected", "contact", "saturated"]
     assert summed == []
+
+
+@pytest.mark.parametrize("again", [False, True], ids=["opening", "restart"])
+@pytest.mark.parametrize("pieces", [1, 2, 8, 20])
+@pytest.mark.parametrize("queue", [0.06, 0.2, 1.0])
+def test_what_waited_when_a_clock_begins_is_not_used_and_an_ordinary_start_is_quick(
+    queue: float, pieces: int, again: bool
+) -> None:
+    """A queue is read in pieces 2 ms apart; then samples come as they are taken, and bring no event."""
+    intake, begin = Intake("netft://x", "sensor"), 10.0 if again else 0.0
+    intake.opened(About("a sensor", wrench=True, orientation=False, rate=1000.0), 0.0 if again else queue)
+    events, late, unknown = list[str](), list[float](), list[float]()
+    flaw = "late: its clock is not known yet, what waited may still come"
+    for k in range(round(1000.0 * (begin + queue + 1.5))):
+        t = 0.001 * k
+        piece = min((t - begin) // (queue / pieces), pieces - 1)
+        came = t if t < begin else max(t, begin + queue + 0.002 * piece)
+        notes = [Note(NoteKind.RESTARTED, "the counter began anew at 1 after 2")] if again and t == begin else []
+        ((told, sample),) = intake.take(Batch([Sample(came, t, wrench=(0.0,) * 6)], notes))
+        late += [told - t] * (not sample.flaw)
+        unknown += [came] * (sample.flaw == flaw)
+        events += [each.kind for each in intake.look(came)]
+    assert max(late) < 1e-3
+    assert unknown
+    assert max(unknown) < begin + queue + 0.002 * pieces + 0.06
+    assert set(events) == ({"restarted"} if again else set())
+
+
+@pytest.mark.parametrize("share", [1.0, 0.96])
+def test_a_clock_is_known_that_runs_behind_a_busy_network(share: float) -> None:
+    """And while bursts come, each as long as the time to the next."""
+    true = 0.001 * np.arange(2000)
+    for came in (arrivals(2000, 1000.0, np.random.default_rng(3)), np.ceil(share * true / 0.1) * 0.1 / share):
+        clock = Clock()
+        known = [clock.times([pair])[0][1] for pair in zip(came.tolist(), true.tolist(), strict=True)]
+        assert not known[0]
+        assert all(known[250:])

@@ -22,6 +22,10 @@ LATE = 0.05
 so late for a while the device's clock stood, or was set back, and times are told anew."""
 SOONER = 2e-3
 """s: a smallest delay that falls by more at once is a clock that was set forward, or a queue that was in all before."""
+EMPTY = 0.05
+"""s in which the smallest delay falls by no more than `SOONER`: samples come no faster than they are taken, so what had
+waited has come. Without it a queue that is read in pieces gave its middle for now: valid rows up to 7.7 N off.
+"""
 
 
 class Clock:
@@ -33,22 +37,25 @@ class Clock:
     def reset(self) -> None:
         """The device's clock began anew."""
         self._bins: list[tuple[float, float]] = []
-        self._bin = self._device = -inf
+        self._bin = self._device = self._arrived = -inf
         self._least = (0.0, inf)
         self._rate, self._line = 0.0, (0.0, inf)
+        self._is_known, self._fell = False, (inf, inf)
         self.lateness = 0.0
 
-    def times(self, stamps: Sequence[tuple[float, float]], anew: Collection[int] = ()) -> list[float]:
-        """The times (s since 1970) of samples that came together, from their (arrival, device's time): what a device
-        had kept, and sent at once, is told apart so. NaN for the device's: the arrival, there is nothing better. Where
-        the device's goes back, and at the places `anew`, it has begun anew: what came before has nothing to do with it.
+    def times(self, stamps: Sequence[tuple[float, float]], anew: Collection[int] = ()) -> list[tuple[float, bool]]:
+        """The times (s since 1970) of samples that came together, from their (arrival, device's time), and whether they
+        are known: what a device had kept, and sent at once, is told apart so. NaN for the device's: the arrival, there
+        is nothing better. Where the device's goes back, and at the places `anew`, it has begun anew: what came before
+        has nothing to do with it. They are not known until what waited then has come: `EMPTY`.
         """
-        times = list[float]()
+        times = list[tuple[float, bool]]()
         for part in self._parts(stamps, anew):
             for arrival, device in part:
                 if not isnan(device):
                     self._see(arrival, device)
-            times += [self._time(arrival, device) for arrival, device in part]
+            self._is_known = self._is_known or self._arrived - self._fell[0] >= EMPTY
+            times += [(self._time(arrival, device), self._is_known or isnan(device)) for arrival, device in part]
         return times
 
     def _parts(
@@ -65,12 +72,18 @@ class Clock:
         yield stamps[begin:]
 
     def _see(self, arrival: float, device: float) -> None:
-        offset, self._device = arrival - device, device
+        offset, self._device, self._arrived = arrival - device, device, arrival
         if arrival >= self._bin + BIN:
             self._next_bin(arrival)
+        if offset < self._fell[1] - SOONER:
+            self._fell = (arrival, offset)
         if offset < self._least[1]:
             self._least = (device, offset)
             if (sooner := self._at(device) - offset) > 0.0:
+                if (
+                    sooner > LATE and self._is_known
+                ):  # a queue all the same, or another clock: which is seen by what comes
+                    self._is_known, self._fell = False, (arrival, offset)
                 if sooner > SOONER:
                     self._bins.clear()
                     self._rate = 0.0

@@ -13,8 +13,10 @@ from ..model import AXES
 from .intake import Windows
 from .source import About, Batch, EndOfStreamError, Source, now
 
-PROBE = 0.7, 0.2
-"""s of a window, and the part by which two of them are to be off; what is less, the session says when it runs."""
+PROBE, COUNTED = (0.7, 0.2), 2
+"""s of a window, and the part by which two of them are to be off, and how often that is to be counted: what is held up
+at opening is no rate. What is less, the session says when it runs.
+"""
 LEAST_RATE, SILENCE = 10.0, 1.5
 """Hz: what comes more rarely takes too long to count before a session; and s without a sample, which is no rate."""
 LOOK = 0.1
@@ -50,14 +52,18 @@ def _at_its_rate(source: Source, about: About) -> Batch:
     came = Batch()
     if about.rate is None or about.rate < LEAST_RATE or about.replay:
         return came
-    windows, heard = Windows(about.rate, *PROBE), now()
+    windows = Windows(about.rate, *PROBE)
     with suppress(EndOfStreamError):
-        while not windows.right and windows.counted < 2 and now() - heard < SILENCE:
-            batch = source.read(LOOK)
-            came.add(batch)
-            if batch.samples:
-                heard = batch.samples[-1].arrival
-                windows.look(len(came.samples), heard)
+        for _ in range(COUNTED):
+            windows, heard = Windows(about.rate, *PROBE), now()
+            while not windows.right and windows.counted < 2 and now() - heard < SILENCE:
+                batch = source.read(LOOK)
+                came.add(batch)
+                if batch.samples:
+                    heard = batch.samples[-1].arrival
+                    windows.look(len(came.samples), heard)
+            if not windows.off:
+                break
     if windows.off:
         place, _, query = source.uri.partition("?")
         others = [option for option in query.split("&") if option and not option.startswith("rate=")]

@@ -46,6 +46,7 @@ NOTHING = (0.0,)
 """Read by a device that has no wrench, or no orientation."""
 
 AMONG = "late: those before it came so late that its time lies among theirs"
+UNKNOWN = "late: its clock is not known yet, what waited may still come"
 
 CONNECTING, STREAMING, QUIET, DOWN = "connecting", "streaming", "silent", "down"
 
@@ -95,10 +96,12 @@ class Intake:
             self.wrong += note.number if note.kind in (NoteKind.GARBAGE, NoteKind.WRONG_SUM) else 0
             self._note(note.kind, note.number, note.text)
         anew = [note.before for note in batch.notes if note.kind is NoteKind.RESTARTED]
+        if anew and batch.samples:
+            self._settled = batch.samples[-1].arrival + BACKLOG
         times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples], anew)
         taken = []
-        for by_its_clock, sample in zip(times, batch.samples, strict=True):
-            t, doubt = self._timed(by_its_clock, sample)
+        for (by_its_clock, is_known), sample in zip(times, batch.samples, strict=True):
+            t, doubt = self._timed(by_its_clock, is_known, sample)
             self._newest = max(t, self._newest + LEAST_STEP)
             flaw = sample.flaw or _broken(sample) or doubt
             if flaw:
@@ -110,8 +113,10 @@ class Intake:
         self.samples += len(taken)
         return taken
 
-    def _timed(self, t: float, sample: Sample) -> tuple[float, str]:
-        """When a sample was taken, s, which is `t` by its own clock; and why that is not to be believed, or nothing."""
+    def _timed(self, t: float, is_known: bool, sample: Sample) -> tuple[float, str]:
+        """When a sample was taken, s, which is `t` by its own clock, where that is known; and why that is not to be
+        believed, or nothing.
+        """
         gap, self._arrived = sample.arrival - self._arrived, sample.arrival
         plays = self.about is not None and self.about.replay
         within_burst = None if plays else self._bursts.taken(sample.arrival)
@@ -123,6 +128,8 @@ class Intake:
             is_whole = sample.wrench is not None and sample.orientation is not None  # of one moment, whichever it is
             if late > LATE + self._bursts.period and not is_whole:
                 return t, f"late: came {late:.2f} s after it was taken"
+            if not (is_known or plays or is_whole):
+                return t, UNKNOWN
             return t, "" if plays or self._newest - t < BEHIND else AMONG
         if within_burst is not None:
             return within_burst, ""
@@ -131,11 +138,11 @@ class Intake:
 
     def _flawed(self, sample: Sample) -> None:
         """Note a sample with a flaw; of those that are late the first, and what comes with it."""
+        if sample.flaw in (AMONG, UNKNOWN) and sample.arrival < self._settled:  # so begins whatever is in order
+            return
         self.wrong += 1
         kind, is_again = sample.flaw.partition(":")[0], False
         if kind == NoteKind.LATE:
-            if sample.flaw == AMONG and sample.arrival < self._settled:
-                return
             is_again = sample.arrival - self._late < SILENT and kind not in self._notes
             self._late = sample.arrival
         if not is_again:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+import socket
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from contactwrench.live.intake import Intake
 from contactwrench.live.source import Batch, DeviceError, NoteKind, Sample
 from contactwrench.live.sources.lines import LinesDecoder
 from contactwrench.live.uri import source_of
@@ -233,3 +237,66 @@ def test_a_port_that_nobody_sends_to(monkeypatch: pytest.MonkeyPatch) -> None:
     assert refusal(source_of(f"udp://:{port}")) == (
         f"udp://:{port}: found nothing, {SUCH}let the sender send to port {port} of this computer"
     )
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
+def test_two_that_send_to_one_port_are_not_mixed(host: str) -> None:
+    """The first counts until it has been silent for a second; what the other sends meanwhile is said."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    first, other = socket.socket(family, socket.SOCK_DGRAM), socket.socket(family, socket.SOCK_DGRAM)
+    shown = f"[{host}]" if ":" in host else host
+    source = source_of(f"udp://{shown}:{(port := free_port())}")
+
+    def came(*senders: socket.socket) -> Batch:
+        for sender in senders:
+            fx = 1.0 if sender is first else 2.0
+            line = f'{{"fx": {fx}, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}}'
+            sender.sendto(line.encode(), (host, port))
+        return source.read(0.2)
+
+    with first, other, ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(source.open)
+        while not opening.done():
+            came_early = first.sendto(b'{"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}', (host, port))
+            time.sleep(0.02 if came_early else 0.0)
+        source.read(0.0)
+        both = came(other, first, other)
+        alone = came(other)
+        time.sleep(1.05)
+        after = came(other)
+        source.close()
+    assert [each.wrench[0] for each in both.samples if each.wrench] == [1.0]
+    where = f"another sender {host} port "
+    rest = ", which is not used: let only one send to this port"
+    for batch, number in ((both, 2), (alone, 1)):
+        (note,) = batch.notes
+        assert note.kind is NoteKind.GARBAGE
+        assert note.number == number
+        assert note.text.startswith(where)
+        assert note.text.endswith(rest)
+    assert alone.samples == []
+    assert [each.wrench[0] for each in after.samples if each.wrench] == [2.0]
+    assert after.notes == []
+
+
+@pytest.mark.parametrize(("name", "leaps"), [("t", True), ("t_ms", False)])
+def test_ms_since_power_on_under_a_name_without_a_unit_are_said_and_not_used(name: str, leaps: bool) -> None:
+    decoder, batch, intake = LinesDecoder(Naming(), None), Batch(), Intake("udp://:9000", "sensor")
+    for k in range(100):
+        t = 5 * k + 13_700_000
+        line = f'{{"{name}": {t}, "fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}}\n'
+        decoder.feed(line.encode(), 0.005 * k, batch)
+    flaws = [sample.flaw for _, sample in intake.take(batch)]
+    said = "broken: t goes on by 5 s a line, expected s: name its unit, as t_ms, t_us or t_ns"
+    assert flaws == (
+        ["late: its clock is not known yet, what waited may still come"] * 10 + [said] * 90 if leaps else [""] * 100
+    )
+
+
+def test_a_clock_that_is_set_once_is_no_other_unit() -> None:
+    decoder, batch = LinesDecoder(Naming(), None), Batch()
+    for k in range(100):
+        t = 0.005 * k + (1_000.0 if k >= 50 else 0.0)
+        decoder.feed(f'{{"t": {t}, "fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}}\n'.encode(), 0.005 * k, batch)
+    assert [sample.flaw for sample in batch.samples] == [""] * 100
+    assert [note.kind for note in batch.notes] == [NoteKind.RESTARTED]

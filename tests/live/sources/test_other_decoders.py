@@ -49,6 +49,8 @@ def test_kuka_angles_are_those_of_recordings(a: float, b: float, c: float) -> No
         (0x8002_0000, "net", "saturated"),
         (0x8000_0020, "net", "broken"),
         (0x0001_0000, "net", ""),
+        (0x8001_0000, "net", ""),
+        (0x8000_0000, "net", "broken"),
         (0xC000_0000, "axia", "saturated"),
         (0x8000_0004, "axia", "broken"),
     ],
@@ -58,6 +60,13 @@ def test_a_status_of_ati_is_understood(status: int, saturated: str, word: str) -
     decoder.feed(struct.pack(">III6i", 1, 1, status, *[0] * 6), 1.0, batch)
     assert batch.samples[0].flaw.partition(":")[0] == word
     assert [note.kind for note in batch.notes] == [NoteKind.STATUS]
+
+
+@pytest.mark.parametrize(("count", "is_end"), [(2**31 - 1, True), (-(2**31), True), (2**31 - 2, False)])
+def test_counts_of_ati_at_the_end_of_their_range_are_no_reading(count: int, is_end: bool) -> None:
+    decoder, batch = netft.NetFtDecoder((1e6, 1e6), 1e3, netft.SATURATED["net"]), Batch()
+    decoder.feed(struct.pack(">III6i", 1, 1, 0, 0, 0, count, 0, 0, 0), 1.0, batch)
+    assert batch.samples[0].flaw == "saturated: a count is at the end of its range" * is_end
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,13 @@ from ...recording.tables.columns import Column, Naming, OpenTable, places_of
 from ...recording.tables.orientations import orientation_columns
 from ...recording.tables.roles import roles_beside, wrench_columns
 from ...recording.tables.table import in_seconds
-from ..counter import Counter
+from ..counter import SLACK, Counter
 from ..source import Batch, Four, Note, NoteKind, Sample, Six, Three
 
 FOUR = 0.01
 """By how much a quaternion's length may be off 1, as in a recording."""
+LEAPS = 10
+"""Lines in a row whose times are further apart than they can be: one is a clock that was set."""
 
 
 class NamedColumns:
@@ -51,7 +53,7 @@ class NamedColumns:
         roles = roles_beside(table, naming, wrench, self._convention, angles)
         self._roles, self._counter = roles, Counter(1e-6, step=round(1e6 / rate) if rate else None, learns=True)
         self._first: float | None = None
-        self._per_s = 0.0
+        self._per_s, self._leaps, self._before = 0.0, 0, (inf, inf)
 
     def samples(self, rows: list[Sequence[float]], arrival: float, batch: Batch) -> None:
         """Put the rows into the batch; what is NaN in them is not there."""
@@ -62,7 +64,8 @@ class NamedColumns:
             if self._per_s == 0.0 and 0.0 < device < inf:  # the first may have no time
                 self._per_s = device / float(np.asarray(in_seconds(np.array([_in_si(row, roles.t)]), roles.t))[0])
             device /= self._per_s or 1.0
-            if isfinite(1e6 * device):
+            leap = self._leap(device, arrival)
+            if isfinite(1e6 * device) and not leap:
                 self._first = device if self._first is None else self._first
                 if (fresh := self._counter.take(round(1e6 * device), arrival, batch)) is None:
                     continue
@@ -73,9 +76,19 @@ class NamedColumns:
             position = cast(Three | None, _whole(_in_si(row, roles.position)))
             flaw = "saturated: said by the sender" if any(row[each.place] > 0.0 for each in roles.saturated) else ""
             if wrench or turn:
+                flaw = flaw or leap
                 batch.samples.append(Sample(arrival, device, wrench, turn, position, flaw=flaw))
             else:
                 batch.notes.append(Note(NoteKind.GARBAGE, "a line without a whole wrench or orientation"))
+
+    def _leap(self, device: float, arrival: float) -> str:
+        """What is wrong with times that go on in another unit than s, which no clock does; else an empty text."""
+        (before, arrived), self._before = self._before, (device, arrival)
+        passed = device - before
+        self._leaps = self._leaps + 1 if passed > 2.0 * (arrival - arrived) + SLACK else 0
+        if self._leaps < LEAPS:
+            return ""
+        return f"broken: t goes on by {passed:.3g} s a line, expected s: name its unit, as t_ms, t_us or t_ns"
 
     def _turns(self, rows: list[Sequence[float]]) -> list[Four | None]:
         columns = self._roles.orientation

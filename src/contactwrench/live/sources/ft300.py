@@ -10,7 +10,8 @@ from time import monotonic
 from ..source import About, Batch, DeviceError, Note, NoteKind, Sample
 from ..uri import Uri
 from .reader import Reader
-from .transport import Deadline, StandardInput, Tcp
+from .standard_input import StandardInput
+from .transport import Deadline, Tcp
 
 PORT, UNIT = 502, 9
 RATE = 100.0

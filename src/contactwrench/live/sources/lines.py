@@ -17,7 +17,8 @@ from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Note, Note
 from ..uri import Uri
 from .columns import NamedColumns
 from .reader import AnyLink, Reader
-from .transport import Deadline, StandardInput, Tcp, Udp
+from .standard_input import StandardInput
+from .transport import Deadline, Tcp, Udp
 
 LONGEST, SHOWN = 65_536, 60
 """Bytes of a line, and of one that is shown."""

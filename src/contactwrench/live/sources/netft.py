@@ -22,7 +22,10 @@ STOP, STREAM, ZERO = (_request(0x1234, command, 0) for command in (0, 2, 0x42))
 _record = Struct(">III6i")
 MODULUS = 1 << 32
 MONITOR = 1 << 16
-"""A threshold of the user's that was crossed: the only bit of the status that is no error."""
+HARMLESS = 0, MONITOR, 1 << 31 | MONITOR
+"""A threshold of the user's that was crossed is the only bit of the status that is no error, bit 31 sums all up."""
+ENDS = -(1 << 31), (1 << 31) - 1
+"""Counts that are no reading: what is beyond them looks the same."""
 SATURATED = {"net": 1 << 17, "axia": 1 << 27 | 1 << 30}
 """ATI's manuals: of a Net F/T, saturation or A/D; of an Axia, a gage, or force and torque, out of range."""
 RATES = "comrdtrate", "cfgcomrdtrate"
@@ -59,11 +62,14 @@ class NetFtDecoder:
                 self._status = status
                 batch.notes.append(Note(NoteKind.STATUS, f"status 0x{status:08x}"))
             if device is not None:
+                flaw = self._flaw(status) if status else ""
+                if min(fx, fy, fz, tx, ty, tz) == ENDS[0] or max(fx, fy, fz, tx, ty, tz) == ENDS[1]:
+                    flaw = flaw or "saturated: a count is at the end of its range"
                 wrench = fx * f, fy * f, fz * f, tx * t, ty * t, tz * t
-                batch.samples.append(Sample(arrival, device, wrench, flaw=self._flaw(status) if status else ""))
+                batch.samples.append(Sample(arrival, device, wrench, flaw=flaw))
 
     def _flaw(self, status: int) -> str:
-        word = "saturated" if status & self._saturated else "broken" if status & ~MONITOR else ""
+        word = "saturated" if status & self._saturated else "broken" if status not in HARMLESS else ""
         return f"{word}: status 0x{status:08x}" if word else ""
 
 

@@ -47,6 +47,7 @@ class Reader(Generic[AnyLink]):
             return batch
         data = self._link.receive(timeout)
         arrival = now()
+        batch.notes += self._link.notes()
         for each in data:
             self._decoder.feed(each, arrival, batch)
             self._unread += len(each)

@@ -102,13 +102,14 @@ class Rsi(Reader[Udp]):
         batch, self._early = self._early, Batch()
         data = self._link.receive(0.0 if batch.samples else timeout)
         arrival = now()
-        for each, sender in zip(data, self._link.senders, strict=False):
+        batch.notes += self._link.notes()
+        for each in data:
             known = len(batch.samples)
             self._rsi.feed(each, arrival, batch)
             if ipoc := self._rsi.ipoc:
                 moved = self.corrections is not None and len(batch.samples) > known
                 correction = self.corrections(batch.samples[-1]) if self.corrections and moved else NO_CORRECTION
-                self._link.answer(answer(ipoc, correction), sender)
+                self._link.answer(answer(ipoc, correction))
         return batch
 
 

@@ -6,7 +6,6 @@ import errno
 import os
 import selectors
 import socket
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
@@ -15,7 +14,7 @@ from time import monotonic
 from typing import Any
 
 from ...errors import visible
-from ..source import DeviceError, EndOfStreamError
+from ..source import DeviceError, Note, NoteKind
 
 PATIENCE, TO_CONNECT = 2.5, 1.0
 """s that a device may take to connect and to answer, all of it together; and to connect: a question that was lost is
@@ -26,6 +25,8 @@ BUFFER = 1 << 22
 MOST_BYTES = 1 << 16
 MOST = 4_096
 """Datagrams of one read."""
+ANOTHER = 1.0
+"""s of silence of a port's sender, after which it may be another one; before, two would be mixed."""
 REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: "no answer"}
 
 
@@ -69,6 +70,10 @@ class Link(ABC):
         if self._socket is not None:
             with suppress(OSError):
                 self._socket.send(data)
+
+    def notes(self) -> list[Note]:
+        """What was noticed, beside what came, since it was last asked."""
+        return []
 
     def close(self) -> None:
         """Close; nothing is left. Also twice, and before it was open."""
@@ -194,10 +199,12 @@ class Tcp(Link):
 
 
 class Udp(Link):
-    """Datagrams, one address or any."""
+    """Datagrams of one address: of the one it is connected to, or of the first that sends to a port."""
 
-    senders: list[Any]
-    """Of the datagrams that were taken last."""
+    sender: Any = None
+    """Whose datagrams are taken."""
+    _heard = 0.0
+    _others: tuple[int, Any] = 0, None
 
     def connect(self, host: str, port: int) -> None:
         """Send to and take from one address only. Raises `DeviceError`."""
@@ -207,23 +214,27 @@ class Udp(Link):
             self._try(lambda: made.connect(address), f"no way to {host}", "check the network")
 
     def bind(self, host: str, port: int) -> int:
-        """Take from anyone, at an address of this computer's (empty: all); the port. Raises `DeviceError`."""
+        """Take from whoever sends first, until it is silent for `ANOTHER` s, at an address of this computer's (empty:
+        all); the port. Raises `DeviceError`.
+        """
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
         with self._lock:
-            made = self._use_socket(socket.AF_INET, socket.SOCK_DGRAM)
+            made = self._use_socket(family, socket.SOCK_DGRAM)
             self._try(lambda: made.bind((host, port)), f"port {port} taken", "end the other program, or choose another")
+            self.sender, self._others = None, (0, None)
             bound: int = made.getsockname()[1]
             return bound
 
-    def answer(self, data: bytes, sender: Any) -> None:
-        """To who sent a datagram."""
+    def answer(self, data: bytes) -> None:
+        """To whose datagrams are taken."""
         if self._socket is not None:
             with suppress(OSError):
-                self._socket.sendto(data, sender)
+                self._socket.sendto(data, self.sender)
 
     def receive(self, timeout: float) -> list[bytes]:
         """The datagrams that have come; none in silence or after `close`. Raises `DeviceError`: the port is closed."""
         taken: list[bytes] = []
-        self.senders = []
+        senders: list[Any] = []
         with self._lock:
             if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
                 return taken
@@ -231,14 +242,32 @@ class Udp(Link):
                 while len(taken) < MOST:
                     data, sender = self._socket.recvfrom(MOST_BYTES)
                     taken.append(data)
-                    self.senders.append(sender)
+                    senders.append(sender)
             except (BlockingIOError, ConnectionResetError):
                 pass
             except ConnectionRefusedError:
                 if not taken:
                     do = f"check the address and that it is the {self._device}"
                     raise self.error("nobody listening", f"the {self._device}", do) from None
-        return taken
+        return self._of_one(taken, senders)
+
+    def _of_one(self, taken: list[bytes], senders: list[Any]) -> list[bytes]:
+        if senders and self.sender not in senders and (self.sender is None or monotonic() - self._heard > ANOTHER):
+            self.sender = senders[0]
+        if self.sender in senders:
+            self._heard = monotonic()
+        others = [sender for sender in senders if sender != self.sender]
+        if others:
+            self._others = self._others[0] + len(others), others[-1]
+        return [data for data, sender in zip(taken, senders, strict=True) if sender == self.sender]
+
+    def notes(self) -> list[Note]:
+        """Others that sent to the port."""
+        (number, other), self._others = self._others, (0, None)
+        if not number:
+            return []
+        text = f"another sender {other[0]} port {other[1]}, which is not used: let only one send to this port"
+        return [Note(NoteKind.GARBAGE, text, number)]
 
     def _try(self, what: Callable[[], Any], found: str, do: str) -> None:
         try:
@@ -247,30 +276,3 @@ class Udp(Link):
             self._drop()
             why = (getattr(error, "strerror", "") or str(error)).lower()
             raise self.error(f"{found} ({why})", f"the {self._device}", do) from None
-
-
-class StandardInput(Link):
-    """What another program writes."""
-
-    def start(self) -> None:
-        """Begin. Raises `EndOfStreamError`: it is closed."""
-        if sys.stdin is None:
-            raise self._ended()
-        with self._lock:
-            self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0), selectors.SelectSelector())
-
-    def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `DeviceError` at the end."""
-        with self._lock:
-            if not self._ready(selectors.EVENT_READ, timeout):
-                return []
-            try:
-                data = self._socket.read(MOST_BYTES)
-            except OSError:  # of a line that was pulled out
-                data = b""
-        if data == b"":
-            raise self._ended()
-        return [data] if data else []
-
-    def _ended(self) -> DeviceError:
-        return EndOfStreamError(str(self.error("its end", "more lines", "keep the program that writes them running")))
