@@ -80,9 +80,7 @@ class Clock:
         if offset < self._least[1]:
             self._least = (device, offset)
             if (sooner := self._at(device) - offset) > 0.0:
-                if (
-                    sooner > LATE and self._is_known
-                ):  # a queue all the same, or another clock: which is seen by what comes
+                if sooner > LATE and self._is_known:  # a queue all the same, or another clock: what comes will tell
                     self._is_known, self._fell = False, (arrival, offset)
                 if sooner > SOONER:
                     self._bins.clear()
