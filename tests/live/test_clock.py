@@ -55,3 +55,18 @@ def test_a_device_that_begins_anew_within_what_came_together_is_timed_at_once() 
             t for t, _ in clock.times(list(zip(true[k : k + 8].tolist(), device[k : k + 8].tolist(), strict=True)))
         ]
     assert np.abs(found - true).max() < 1e-4
+
+
+@pytest.mark.parametrize("pace", [1.05, 1.1, 2.0])
+@pytest.mark.parametrize("each", [1, 40])
+def test_a_clock_that_is_fast_is_known_in_two_seconds(pace: float, each: int) -> None:
+    """A box at 5 % more than its rate, a bag that is played at twice its pace: no queue that is read takes as long."""
+    arrival = 1.7e9 + PERIOD * np.arange(10_000)
+    device = pace * PERIOD * np.arange(10_000)
+    arrival = np.repeat(arrival[each - 1 :: each], each)
+    clock, known = Clock(), list[bool]()
+    for k in range(0, len(arrival), each):
+        pieces = list(zip(arrival[k : k + each].tolist(), device[k : k + each].tolist(), strict=True))
+        known += [is_known for _, is_known in clock.times(pieces)]
+    begin = int(2.1 / PERIOD)
+    assert all(known[begin:])

@@ -28,6 +28,8 @@ FEWEST_IF_MOVED, MOST_OFF = 6, 12
 """Poses, from which on a bias that moved before is thought of, too; and how many at most are off, and named."""
 LEAST_LEFT = 6
 """Readings more than another tool, mounting and bias have numbers: with fewer these explain anything."""
+MOST_UNEQUAL = 12
+"""Readings beyond these numbers, from which on each pose has enough of its own."""
 LITTLE, FAR_LESS = 1e-3, 0.5
 """Probability that samples scatter as little by chance; and of their variance, below which it makes a difference."""
 TELLS_NOTHING = 1e200
@@ -152,11 +154,15 @@ def of_means(
     U, size, _ = np.linalg.svd(whitened / np.linalg.norm(whitened, axis=0).clip(1e-300), full_matrices=False)
     U = U[:, size > 1e-9 * size[0]]
     left, dof = left - U @ (U.T @ left), 6 * n - U.shape[1]
-    if dof < LEAST_LEFT:
+    if dof < MOST_UNEQUAL or calibration.model == "paper":  # whose torques are no tool's
         return None
     from scipy.stats import chi2
 
-    each = np.median(np.sum(left.reshape(n, 6) ** 2, axis=1)) / chi2.median(dof / n)  # a pose that is off counts little
+    own = np.sum(1.0 - U.reshape(n, 6, -1) ** 2 @ np.ones(U.shape[1]), axis=1)
+    squares = np.sum(left.reshape(n, 6) ** 2, axis=1)
+    each = float(
+        np.median(squares / np.maximum(chi2.median(np.maximum(own, 1e-2)), 1e-6))
+    )  # one that is off counts little
     less = np.maximum(between, each * variance)
     few = np.mean(less / variance) < FAR_LESS and chi2.cdf(each * dof, dof) < LITTLE
     return (less, float(dof)) if few else None

@@ -24,8 +24,11 @@ SOONER = 2e-3
 """s: a smallest delay that falls by more at once is a clock that was set forward, or a queue that was in all before."""
 EMPTY = 0.05
 """s in which the smallest delay falls by no more than `SOONER`: samples come no faster than they are taken, so what had
-waited has come. Without it a queue that is read in pieces gave its middle for now: valid rows up to 7.7 N off.
+waited has come. Without it a queue that is read in pieces gave its middle for now: valid rows up to 7.7 N off. One that
+comes at less than 1.04 times the pace at which it was taken is not told from a clock that is fast.
 """
+FALLS = 2.0
+"""s of falling: so long no queue is read, but a recording at twice its pace, or a clock that is fast by a twentieth."""
 
 
 class Clock:
@@ -40,22 +43,25 @@ class Clock:
         self._bin = self._device = self._arrived = -inf
         self._least = (0.0, inf)
         self._rate, self._line = 0.0, (0.0, inf)
-        self._is_known, self._fell = False, (inf, inf)
+        self._is_known, self._is_fast, self._fell, self._unknown_from = False, False, (inf, inf), inf
         self.lateness = 0.0
 
     def times(self, stamps: Sequence[tuple[float, float]], anew: Collection[int] = ()) -> list[tuple[float, bool]]:
         """The times (s since 1970) of samples that came together, from their (arrival, device's time), and whether they
         are known: what a device had kept, and sent at once, is told apart so. NaN for the device's: the arrival, there
         is nothing better. Where the device's goes back, and at the places `anew`, it has begun anew: what came before
-        has nothing to do with it. They are not known until what waited then has come: `EMPTY`.
+        has nothing to do with it. They are not known until what waited then has come, `EMPTY`, or is no queue, `FALLS`.
         """
         times = list[tuple[float, bool]]()
         for part in self._parts(stamps, anew):
             for arrival, device in part:
                 if not isnan(device):
                     self._see(arrival, device)
-            self._is_known = self._is_known or self._arrived - self._fell[0] >= EMPTY
-            times += [(self._time(arrival, device), self._is_known or isnan(device)) for arrival, device in part]
+            if not self._is_known:
+                self._is_known = self._arrived - self._fell[0] >= EMPTY
+                self._is_fast = not self._is_known and self._arrived - self._unknown_from >= FALLS
+            known = self._is_known or self._is_fast
+            times += [(self._time(arrival, device), known or isnan(device)) for arrival, device in part]
         return times
 
     def _parts(
@@ -73,6 +79,7 @@ class Clock:
 
     def _see(self, arrival: float, device: float) -> None:
         offset, self._device, self._arrived = arrival - device, device, arrival
+        self._unknown_from = min(self._unknown_from, arrival)
         if arrival >= self._bin + BIN:
             self._next_bin(arrival)
         if offset < self._fell[1] - SOONER:
@@ -81,7 +88,7 @@ class Clock:
             self._least = (device, offset)
             if (sooner := self._at(device) - offset) > 0.0:
                 if sooner > LATE and self._is_known:  # a queue all the same, or another clock: what comes will tell
-                    self._is_known, self._fell = False, (arrival, offset)
+                    self._is_known, self._fell, self._unknown_from = False, (arrival, offset), arrival
                 if sooner > SOONER:
                     self._bins.clear()
                     self._rate = 0.0

@@ -96,7 +96,7 @@ class Intake:
             self.wrong += note.number if note.kind in (NoteKind.GARBAGE, NoteKind.WRONG_SUM) else 0
             self._note(note.kind, note.number, note.text)
         anew = [note.before for note in batch.notes if note.kind is NoteKind.RESTARTED]
-        if anew and batch.samples:
+        if anew and batch.samples and batch.samples[-1].arrival > self._settled:  # not on and on
             self._settled = batch.samples[-1].arrival + BACKLOG
         times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples], anew)
         taken = []

@@ -51,7 +51,7 @@ noise at any delay a bit. Of ten seconds at 30 Hz one episode in ten had a delay
 @dataclass(frozen=True)
 class Delay:
     """`value` s: the wrench is stamped so much later than the orientation; `std` s, from residuals as they are,
-    correlated in time; `bound` s: the least std that this motion allows, were the residuals independent. `reason`: why
+    correlated in time; `bound` s: the least std that this motion allows, were the residuals white noise. `reason`: why
     the motion cannot tell, or None; then the std is at least the range that was searched. `beyond`: whether that is
     because the best delay may lie outside of the range.
 

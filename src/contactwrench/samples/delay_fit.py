@@ -42,6 +42,8 @@ SOON = 25.0
 """s, within which gravity, free to lean, and noise take up accelerations that are not known: no structure is left."""
 BLOCK = 512
 """Rows of a product that one thread makes: with 22 columns each OpenBLAS leaves it to one."""
+OVERLAP = 1.5
+"""Of the variance of a sum of means whose windows overlap: a quarter of its white noise a mean shares with the next."""
 LEAST_PART = 30
 PARTS = {2: 5.02, 3: 7.38}
 """Into how many parts a recording is cut, and the chi-square that parts which agree exceed once in 40 times."""
@@ -52,7 +54,7 @@ class Fit:
     """The `delay` s; `down` (3,) in base axes, up to its sign; what the delay would change by for each residual,
     `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
     weight; the orthonormal `basis` (n, k) that was free to explain them; the `weight` (n,) of each mean and the
-    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent, and
+    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were white noise, and
     `weightless` s, what it would be of a tool without mass, in whose place noise is fitted; and the `misfit`, the sum
     of the logarithms of the variances.
     """
@@ -225,9 +227,9 @@ def _step(
     inverse = np.linalg.inv(H)
     step = inverse @ gradient
     influence = np.einsum("a,ani->ni", inverse[0], free)
-    bound = float(np.sqrt(inverse[0, 0]))
+    bound = float(np.sqrt(OVERLAP * inverse[0, 0]))
     noisy = _times(_beside(root * change, basis), unit)
-    weightless = float(1.0 / np.sqrt(max(6.0 * (noisy**2).sum(), 1e-300)))
+    weightless = float(np.sqrt(OVERLAP / max(6.0 * (noisy**2).sum(), 1e-300)))
     moved: Array = np.r_[step[0], step[1:] @ across]
     return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, weightless, misfit)
 

@@ -118,8 +118,9 @@ def arm_motion(buffer: Buffer, nodes: Nodes, longest_gap: float) -> ArmMotion:
     once = _until(0.5 * step * (state[1:] + state[:-1]))
     both = _until(step * (once[:-1] + step / 6.0 * (2.0 * state[:-1] + state[1:])))
     twice = np.stack([np.diff(state, axis=0) / (6.0 * step), 0.5 * state[:-1], once[:-1], both[:-1]])
-    smoothed = float(np.clip(np.ptp(orientations.t) / WINDOWS, LEAST_SMOOTHED, SMOOTHED))
-    width = max(smoothed, *(float(np.median(np.diff(stamps))) for stamps in (t, buffer.readings.t)))
+    of_pose, of_reading = (float(np.median(np.diff(stamps))) for stamps in (t, buffer.readings.t))
+    smoothed = max(float(np.clip(np.ptp(orientations.t) / WINDOWS, LEAST_SMOOTHED, SMOOTHED)), of_pose)
+    width = max(round(smoothed / of_reading), 1) * of_reading if of_reading > 0.0 else smoothed
     return ArmMotion(t, twice, np.diff(is_gap[index]) > 0, width)
 
 

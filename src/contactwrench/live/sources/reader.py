@@ -53,6 +53,7 @@ class Reader(Generic[AnyLink]):
             self._unread += len(each)
         if batch.samples:
             self._unread = 0
+            self._link.used()
         elif self._unread > NOT_A_STREAM:
             alike = bool(batch.notes) and batch.notes[-1].kind is NoteKind.REPEATED
             found = f"{self._unread} bytes{', all stamped alike' if alike else ' without a sample'}"

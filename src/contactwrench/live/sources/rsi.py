@@ -110,6 +110,8 @@ class Rsi(Reader[Udp]):
                 moved = self.corrections is not None and len(batch.samples) > known
                 correction = self.corrections(batch.samples[-1]) if self.corrections and moved else NO_CORRECTION
                 self._link.answer(answer(ipoc, correction))
+        if batch.samples:
+            self._link.used()
         return batch
 
 

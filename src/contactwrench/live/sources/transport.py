@@ -26,7 +26,7 @@ MOST_BYTES = 1 << 16
 MOST = 4_096
 """Datagrams of one read."""
 ANOTHER = 1.0
-"""s of silence of a port's sender, after which it may be another one; before, two would be mixed."""
+"""s without a sample of a port's sender, after which it may be another one; before, two would be mixed."""
 REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: "no answer"}
 
 
@@ -74,6 +74,9 @@ class Link(ABC):
     def notes(self) -> list[Note]:
         """What was noticed, beside what came, since it was last asked."""
         return []
+
+    def used(self) -> None:  # noqa: B027
+        """Samples came of what was received last."""
 
     def close(self) -> None:
         """Close; nothing is left. Also twice, and before it was open."""
@@ -199,12 +202,14 @@ class Tcp(Link):
 
 
 class Udp(Link):
-    """Datagrams of one address: of the one it is connected to, or of the first that sends to a port."""
+    """Datagrams of one computer: of the one it is connected to, or of the first that sends samples to a port, from
+    whichever port of its own.
+    """
 
-    sender: Any = None
-    """Whose datagrams are taken."""
-    _heard = 0.0
-    _others: tuple[int, Any] = 0, None
+    _host: str | None = None
+    _sender: Any = None
+    _used = 0.0
+    _others: tuple[int, str] = 0, ""
 
     def connect(self, host: str, port: int) -> None:
         """Send to and take from one address only. Raises `DeviceError`."""
@@ -214,22 +219,22 @@ class Udp(Link):
             self._try(lambda: made.connect(address), f"no way to {host}", "check the network")
 
     def bind(self, host: str, port: int) -> int:
-        """Take from whoever sends first, until it is silent for `ANOTHER` s, at an address of this computer's (empty:
-        all); the port. Raises `DeviceError`.
+        """Take from whoever sends first, until no sample of it has come for `ANOTHER` s, at an address of this
+        computer's (empty: all); the port. Raises `DeviceError`.
         """
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         with self._lock:
             made = self._use_socket(family, socket.SOCK_DGRAM)
             self._try(lambda: made.bind((host, port)), f"port {port} taken", "end the other program, or choose another")
-            self.sender, self._others = None, (0, None)
+            self._host, self._others = None, (0, "")
             bound: int = made.getsockname()[1]
             return bound
 
     def answer(self, data: bytes) -> None:
-        """To whose datagrams are taken."""
+        """To where the last datagram that was taken came from."""
         if self._socket is not None:
             with suppress(OSError):
-                self._socket.sendto(data, self.sender)
+                self._socket.sendto(data, self._sender)
 
     def receive(self, timeout: float) -> list[bytes]:
         """The datagrams that have come; none in silence or after `close`. Raises `DeviceError`: the port is closed."""
@@ -252,22 +257,24 @@ class Udp(Link):
         return self._of_one(taken, senders)
 
     def _of_one(self, taken: list[bytes], senders: list[Any]) -> list[bytes]:
-        if senders and self.sender not in senders and (self.sender is None or monotonic() - self._heard > ANOTHER):
-            self.sender = senders[0]
-        if self.sender in senders:
-            self._heard = monotonic()
-        others = [sender for sender in senders if sender != self.sender]
-        if others:
+        hosts = [sender[0] for sender in senders]
+        if hosts and (self._host is None or monotonic() - self._used > ANOTHER):
+            self._host = next((host for host in hosts if host != self._host), hosts[0])
+            self._used = monotonic()
+        self._sender = next((sender for sender in reversed(senders) if sender[0] == self._host), self._sender)
+        if others := [host for host in hosts if host != self._host]:
             self._others = self._others[0] + len(others), others[-1]
-        return [data for data, sender in zip(taken, senders, strict=True) if sender == self.sender]
+        return [data for data, host in zip(taken, hosts, strict=True) if host == self._host]
+
+    def used(self) -> None:
+        """Samples came of it: what is none, as of a program that sends by mistake, keeps nobody else away."""
+        self._used = monotonic()
 
     def notes(self) -> list[Note]:
         """Others that sent to the port."""
-        (number, other), self._others = self._others, (0, None)
-        if not number:
-            return []
-        text = f"another sender {other[0]} port {other[1]}, which is not used: let only one send to this port"
-        return [Note(NoteKind.GARBAGE, text, number)]
+        (number, other), self._others = self._others, (0, "")
+        text = f"another sender {other}, which is not used: let only one send to this port"
+        return [Note(NoteKind.GARBAGE, text, number)] if number else []
 
     def _try(self, what: Callable[[], Any], found: str, do: str) -> None:
         try:
