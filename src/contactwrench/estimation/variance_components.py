@@ -1,10 +1,9 @@
 """Noise, a drift and turns of the robot's orientation together, by restricted likelihood.
 
 Where orientations err, poses and axes do not separate, and moments are not enough: here the covariance V of all
-readings (error_covariance.py) is taken as it is. Its variances, of each axis' noise, of a drift in units of
-these, of turns in rad, are each at its optimum beside the others (Patterson and Thompson, 1971), by steps of Newton's
-method in their logarithms with the average information; an axis' beside the drift as large as it is, which is not quite
-the joint optimum: that took good poses for contact. The evidence is Laplace's.
+readings (error_covariance.py) is taken as it is. Its variances, of each axis' noise, of a drift in units of these, of
+turns in rad, are each at its optimum beside the others (Patterson and Thompson, 1971), by Newton's steps in logarithms
+with the average information; not quite the joint one, which took good poses for contact. The evidence is Laplace's.
 """
 
 from __future__ import annotations
