@@ -15,7 +15,7 @@ from itertools import chain
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.findings import BIAS_MOVED, Finding, Kind, Severity, WithFindings
+from ..calibration.findings import BIAS_MOVED, Finding, WithFindings
 from ..compensate.noise import reading_variance
 from ..errors import InputError
 from ..estimation.findings_of_recording import usable
@@ -25,13 +25,8 @@ from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, G
 from ..samples.poses import Pose, names_of
 from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
-from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings, two_digits
+from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings
 from .weigh import gravity_in_sensor
-
-OF_MEANS = (
-    "rows scatter {} times as much as samples do: they are taken as means of many, and held to what the poses of the "
-    "calibration differed by"
-)
 
 
 @dataclass(frozen=True)
@@ -153,10 +148,10 @@ def verify(
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
         noise, dof = reading_variance(calibration, poses), noise_dof(calibration)
         between = reading_variance(calibration, poses, np.inf)
-        if all(pose.n == 1 for pose in poses) and (less := of_means(calibration, residuals, R, noise, between)):
-            share = two_digits(float(np.sqrt(np.mean(less[0] / noise))))
-            findings.append(Finding(Kind.ROWS_OF_MEANS, Severity.NOTE, OF_MEANS.format(share)))
-            noise, dof = less[0], min(dof, less[1]) if dof > 0.0 else less[1]
+        if all(pose.n == 1 for pose in poses) and (rows := of_means(calibration, residuals, R, noise, between)):
+            noise, known, note = rows
+            dof = min(dof, known) if dof > 0.0 else known
+            findings.append(note)
         whole, bias = held_against(calibration, residuals, R, noise, dof, free.lag)
         named: tuple[Finding, ...] = ()
         if bias is not None and max(whole.probability, bias.rest_probability) < SIGNIFICANCE and not bias.with_other:

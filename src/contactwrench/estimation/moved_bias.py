@@ -22,16 +22,22 @@ SCATTERED = (
     "no tool, mounting and sensor explain that, poses differ {} times as much as when calibrating: look for contact, "
     "motion, a base that moved, or a file that is read otherwise (sign, units, orientation: contactwrench diagnose)"
 )
+OF_MEANS = (
+    "rows scatter {} times as much as samples do: they are taken as means of many, and held to what the poses of the "
+    "calibration differed by"
+)
 OF_PART = 2
 """Poses at least before and after a change of the bias: a single one may be in contact."""
 FEWEST_IF_MOVED, MOST_OFF = 6, 12
 """Poses, from which on a bias that moved before is thought of, too; and how many at most are off, and named."""
 LEAST_LEFT = 6
 """Readings more than another tool, mounting and bias have numbers: with fewer these explain anything."""
-MOST_UNEQUAL = 12
-"""Readings beyond these numbers, from which on each pose has enough of its own."""
+LEAST_OF_ROWS = 12
+"""Readings more than numbers, from which on each row has enough of its own to tell how rows scatter."""
 LITTLE, FAR_LESS = 1e-3, 0.5
 """Probability that samples scatter as little by chance; and of their variance, below which it makes a difference."""
+SAME = 1e-9
+"""Of the largest singular value: columns that say the same have less."""
 TELLS_NOTHING = 1e200
 """Variance of a pose that is left out."""
 
@@ -96,9 +102,8 @@ def held_against(
     n = len(residuals)
     J = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
     of_bias = [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]
-    of_B = affine_jacobian(gravity_in_flange(R_base_flange, calibration.gravity_direction)).reshape(6 * n, 6, 4)
-    of_others = J[:, np.logical_not(of_bias)]
-    columns = [residuals.reshape(-1, 1), np.tile(np.eye(6), (n, 1)), of_others, of_B[:, :, :3].reshape(6 * n, 18)]
+    of_others, of_any = J[:, np.logical_not(of_bias)], _of_any_matrix(calibration, R_base_flange)
+    columns = [residuals.reshape(-1, 1), np.tile(np.eye(6), (n, 1)), of_others, of_any]
     covariance = calibration.error_covariance
     if lag is not None:
         late = np.column_stack([R_base_flange.reshape(n, 9), np.ones(n)]) @ lag
@@ -140,32 +145,43 @@ def held_against(
 
 def of_means(
     calibration: Calibration, residuals: Array, R_base_flange: Array, variance: Array, between: Array
-) -> tuple[Array, float] | None:
-    """The variance (n, 6) of single rows that are means of many samples, and scatter so much less than a sample, whose
-    `variance` (n, 6) they were taken to have: as they scatter by themselves, whatever tool, sensor and bias are, and no
-    less than poses differ by, `between` (n, 6); and the degrees of freedom behind it. None: they are samples, as far as
-    that can be told.
+) -> tuple[Array, float, Finding] | None:
+    """The variance (n, 6) of single rows that are means of many samples, as they scatter so much less than samples with
+    the `variance` (n, 6) would, whatever tool, sensor and bias are: as much as they do, and no less than poses differ
+    by, `between` (n, 6). With the degrees of freedom behind it, and a note. None: they are samples, as far as that can
+    be told, which model `paper` cannot, whose torques are no tool's.
     """
     n = len(residuals)
-    J = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
-    of_B = affine_jacobian(gravity_in_flange(R_base_flange, calibration.gravity_direction)).reshape(6 * n, 24)
+    of_errors = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
+    of_bias = np.tile(np.eye(6), (n, 1))
     std = np.sqrt(variance).reshape(-1, 1)
-    whitened, left = np.hstack([J, of_B]) / std, residuals.reshape(-1, 1) / std
+    whitened = np.hstack([of_bias, of_errors, _of_any_matrix(calibration, R_base_flange)]) / std
     U, size, _ = np.linalg.svd(whitened / np.linalg.norm(whitened, axis=0).clip(1e-300), full_matrices=False)
-    U = U[:, size > 1e-9 * size[0]]
-    left, dof = left - U @ (U.T @ left), 6 * n - U.shape[1]
-    if dof < MOST_UNEQUAL or calibration.model == "paper":  # whose torques are no tool's
+    U = U[:, size > SAME * size[0]]
+    dof = 6 * n - U.shape[1]
+    if dof < LEAST_OF_ROWS or calibration.model == "paper":
         return None
     from scipy.stats import chi2
 
-    own = np.sum(1.0 - U.reshape(n, 6, -1) ** 2 @ np.ones(U.shape[1]), axis=1)
-    squares = np.sum(left.reshape(n, 6) ** 2, axis=1)
-    each = float(
-        np.median(squares / np.maximum(chi2.median(np.maximum(own, 1e-2)), 1e-6))
-    )  # one that is off counts little
-    less = np.maximum(between, each * variance)
-    few = np.mean(less / variance) < FAR_LESS and chi2.cdf(each * dof, dof) < LITTLE
-    return (less, float(dof)) if few else None
+    left = residuals.reshape(-1, 1) / std
+    squares = np.sum((left - U @ (U.T @ left)).reshape(n, 6) ** 2, axis=1)
+    of_row = 6.0 - np.sum(U.reshape(n, -1) ** 2, axis=1)
+    # the median, in which a row that is off counts little
+    scatter = float(np.median(squares / np.maximum(chi2.median(np.maximum(of_row, 1e-2)), 1e-6)))
+    less = np.maximum(between, scatter * variance)
+    share = float(np.mean(less / variance))
+    if share > FAR_LESS or chi2.cdf(scatter * dof, dof) > LITTLE:
+        return None
+    text = OF_MEANS.format(two_digits(float(np.sqrt(share))))
+    return less, float(dof), Finding(Kind.ROWS_OF_MEANS, Severity.NOTE, text)
+
+
+def _of_any_matrix(calibration: Calibration, R_base_flange: Array) -> Array:
+    """The derivative (6 n, 18) of readings at orientations (n, 3, 3) with respect to the sensor's matrix, without its
+    bias: any tool on any mounting is one.
+    """
+    of_B = affine_jacobian(gravity_in_flange(R_base_flange, calibration.gravity_direction))
+    return np.asarray(of_B.reshape(-1, 6, 4)[:, :, :3].reshape(-1, 18))
 
 
 def _explained(information: Array, along: Array) -> tuple[float, int]:

@@ -35,6 +35,8 @@ SCANNED = 2000
 """Means that the search over the whole range looks at."""
 TOLD = 0.3
 """Of the std that noise alone would show: with a tenth of the information that there is, it does no harm."""
+MOST_ROUNDS, SETTLED = 4, 4e-4
+"""Fits to the means that are known at the delay of the fit before; and s by which the last one moves it."""
 ASTRAY = 0.1
 """s from the best of the search to the fit: further it finds another answer, or none."""
 LONGEST_DELAY = DELAY.most
@@ -128,8 +130,8 @@ def _untold(reason: str, beyond: bool = False) -> Delay:
 
 
 def _means(readings: WrenchStream, width: float) -> WrenchStream:
-    """Readings averaged over `width` s, twice, one for each; those that say nothing left out, as are means across a
-    gap.
+    """Means of the readings through a window that falls to zero `width` s to each side, `width` s apart; readings that
+    say nothing left out, as are means across a gap.
     """
     finite = np.isfinite(readings.wrench).all(axis=1)
     t, wrench = readings.t[finite], readings.wrench[finite]
@@ -170,10 +172,10 @@ def _settled(
         anywhere = fitted(motion, thin, free.best, free.down)
         if anywhere.misfit < fit.misfit + ALIKE:
             fit, chosen = anywhere, free
-    for _ in range(4):
+    for _ in range(MOST_ROUNDS):
         used, before = _known(motion, means, fit.delay - GRID, fit.delay + GRID), fit.delay
         fit = fitted(motion, used, fit.delay, fit.down)
-        if abs(fit.delay - before) < 0.01 * GRID:
+        if abs(fit.delay - before) < SETTLED:
             break
     return fit, used, chosen
 

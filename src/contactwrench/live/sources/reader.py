@@ -47,18 +47,17 @@ class Reader(Generic[AnyLink]):
             return batch
         data = self._link.receive(timeout)
         arrival = now()
-        batch.notes += self._link.notes()
         for each in data:
             self._decoder.feed(each, arrival, batch)
             self._unread += len(each)
         if batch.samples:
             self._unread = 0
-            self._link.used()
         elif self._unread > NOT_A_STREAM:
             alike = bool(batch.notes) and batch.notes[-1].kind is NoteKind.REPEATED
             found = f"{self._unread} bytes{', all stamped alike' if alike else ' without a sample'}"
             do = "let their time or number go on, or leave it out" if alike else "check what sends them"
             raise self._link.error(found, "samples", do)
+        batch.notes += self._link.notes(bool(batch.samples))
         return batch
 
     def close(self) -> None:

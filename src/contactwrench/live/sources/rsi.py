@@ -102,7 +102,6 @@ class Rsi(Reader[Udp]):
         batch, self._early = self._early, Batch()
         data = self._link.receive(0.0 if batch.samples else timeout)
         arrival = now()
-        batch.notes += self._link.notes()
         for each in data:
             known = len(batch.samples)
             self._rsi.feed(each, arrival, batch)
@@ -110,8 +109,7 @@ class Rsi(Reader[Udp]):
                 moved = self.corrections is not None and len(batch.samples) > known
                 correction = self.corrections(batch.samples[-1]) if self.corrections and moved else NO_CORRECTION
                 self._link.answer(answer(ipoc, correction))
-        if batch.samples:
-            self._link.used()
+        batch.notes += self._link.notes(bool(batch.samples))
         return batch
 
 

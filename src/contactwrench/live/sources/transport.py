@@ -71,12 +71,9 @@ class Link(ABC):
             with suppress(OSError):
                 self._socket.send(data)
 
-    def notes(self) -> list[Note]:
-        """What was noticed, beside what came, since it was last asked."""
+    def notes(self, used: bool) -> list[Note]:
+        """What was noticed, beside what came, since it was last asked; `used`: samples came of what came last."""
         return []
-
-    def used(self) -> None:  # noqa: B027
-        """Samples came of what was received last."""
 
     def close(self) -> None:
         """Close; nothing is left. Also twice, and before it was open."""
@@ -266,12 +263,11 @@ class Udp(Link):
             self._others = self._others[0] + len(others), others[-1]
         return [data for data, host in zip(taken, hosts, strict=True) if host == self._host]
 
-    def used(self) -> None:
-        """Samples came of it: what is none, as of a program that sends by mistake, keeps nobody else away."""
-        self._used = monotonic()
-
-    def notes(self) -> list[Note]:
-        """Others that sent to the port."""
+    def notes(self, used: bool) -> list[Note]:
+        """As `Link`: others that sent to the port. What is no sample, as of a program that sends by mistake, keeps
+        nobody else away.
+        """
+        self._used = monotonic() if used else self._used
         (number, other), self._others = self._others, (0, "")
         text = f"another sender {other}, which is not used: let only one send to this port"
         return [Note(NoteKind.GARBAGE, text, number)] if number else []
