@@ -161,16 +161,16 @@ def of_means(
     dof = 6 * n - U.shape[1]
     if dof < LEAST_OF_ROWS or calibration.model == "paper":
         return None
-    from scipy.stats import chi2
+    from scipy.special import chdtr, chdtri
 
     left = residuals.reshape(-1, 1) / std
     squares = np.sum((left - U @ (U.T @ left)).reshape(n, 6) ** 2, axis=1)
     of_row = 6.0 - np.sum(U.reshape(n, -1) ** 2, axis=1)
     # the median, in which a row that is off counts little
-    scatter = float(np.median(squares / np.maximum(chi2.median(np.maximum(of_row, 1e-2)), 1e-6)))
+    scatter = float(np.median(squares / np.maximum(chdtri(np.maximum(of_row, 1e-2), 0.5), 1e-6)))
     less = np.maximum(between, scatter * variance)
     share = float(np.mean(less / variance))
-    if share > FAR_LESS or chi2.cdf(scatter * dof, dof) > LITTLE:
+    if share > FAR_LESS or chdtr(dof, scatter * dof) > LITTLE:
         return None
     text = OF_MEANS.format(two_digits(float(np.sqrt(share))))
     return less, float(dof), Finding(Kind.ROWS_OF_MEANS, Severity.NOTE, text)
