@@ -295,6 +295,20 @@ def test_help_and_version_exit_0(capsys: Capture, flag: str) -> None:
     assert (cw.__version__ if flag == "--version" else "calibrate") in done.out
 
 
+def test_help_says_each_verb_in_full_and_how_a_file_is_written_last(capsys: Capture) -> None:
+    verbs = run(capsys, "--help").out
+    assert "..." not in verbs.partition("Commands:")[2]
+    assert "a robot, a ROS controller, code." in " ".join(verbs.split())
+    sections = run(capsys, "compensate", "--help").out.split("\n\n")[-3:]
+    assert [section.partition("\n")[0] for section in sections] == [
+        "Arguments:",
+        "Options:",
+        "How the recording is written (most need none of these):",
+    ]
+    for option, section in (("--calibration", 1), ("--gravity", 1), ("--help", 1), ("--orientation", 2), ("--rate", 2)):
+        assert [option in text for text in sections] == [section == k for k in range(3)]
+
+
 def started(*arguments: str | Path, stdout: int = subprocess.PIPE) -> subprocess.CompletedProcess[bytes]:
     """The program in a process of its own."""
     return subprocess.run(

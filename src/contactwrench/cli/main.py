@@ -23,6 +23,7 @@ from .devices import devices
 from .diagnose import diagnose
 from .diff import diff
 from .export import export
+from .help import Verb, Verbs
 from .info import info
 from .lab import lab
 from .live import live
@@ -55,6 +56,7 @@ NO_MEMORY = (
 
 app = typer.Typer(
     name="contactwrench",
+    cls=Verbs,
     help="From a raw wrist force/torque sensor to the pure contact wrench.",
     epilog="Every verb has --help. Exit status: 0 done; 1 a check failed; 2 bad use, bad input, or poses that cannot "
     "give the answer, with one line on stderr that says what to do; 130 interrupted by Ctrl-C (143, 129: by a signal).",
@@ -67,7 +69,7 @@ app = typer.Typer(
 OF_FILES = (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, export)
 OF_DEVICES = (simulate, live, devices, lab, demo)
 for verb in (*OF_FILES, *OF_DEVICES):
-    app.command()(guarded(verb))
+    app.command(cls=Verb)(guarded(verb))
 
 
 def _print_version(asked: bool) -> None:

@@ -15,7 +15,6 @@ import typer
 
 from ..errors import InputError, shortened, visible
 from ..geometry.arrays import Array
-from ..geometry.orientation import CONVENTIONS
 from ..geometry.ranges import DIRECTION, NOISE, ON_FLANGE, G, Range
 
 Result = TypeVar("Result")
@@ -23,8 +22,8 @@ MOST_COLUMNS = 120
 """Of text on a terminal, however wide: longer lines are hard to read."""
 
 
-def number(within: Range, metavar: str, help: str, *names: str) -> Any:
-    """The declaration of an option that takes a number of that range."""
+def number(within: Range, metavar: str, help: str, *names: str, panel: str | None = None) -> Any:
+    """The declaration of an option that takes a number of that range; the section of the help that it stands in."""
 
     def checked(value: float | None) -> float | None:
         try:
@@ -32,23 +31,14 @@ def number(within: Range, metavar: str, help: str, *names: str) -> Any:
         except InputError as error:
             raise typer.BadParameter(str(error).replace("VALUE is", "found", 1)) from None
 
-    return typer.Option(*names, metavar=metavar, help=help, callback=checked)
+    return typer.Option(*names, metavar=metavar, help=help, callback=checked, rich_help_panel=panel)
 
 
-def text(metavar: str, help: str, *names: str) -> Any:
-    """The declaration of an option that takes a text, or what a text names."""
-    return typer.Option(*names, metavar=metavar, help=help)
+def text(metavar: str, help: str, *names: str, panel: str | None = None) -> Any:
+    """The declaration of an option that takes a text, or what a text names; the section of the help."""
+    return typer.Option(*names, metavar=metavar, help=help, rich_help_panel=panel)
 
 
-OR_ITS = "or the calibration's]"
-"""Of the help of what a calibration tells of its recording."""
-Orientation = Annotated[
-    str | None,
-    text(
-        "NAME[:COLUMNS]",
-        f"How the file writes R_base_flange: {', '.join(CONVENTIONS)}, or euler:ZYX:deg. [default: auto, {OR_ITS}",
-    ),
-]
 Gravity = Annotated[
     str | None,
     text("X,Y,Z", "Direction of gravity in base axes. [default: down, or the calibration's]"),

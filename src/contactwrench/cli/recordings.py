@@ -14,7 +14,8 @@ import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..geometry.ranges import EPISODE, RATE
+from ..geometry.orientation import CONVENTIONS
+from ..geometry.ranges import EPISODE, RATE, Range
 from ..recording.options import Options
 from ..samples.samples import Samples
 from . import options
@@ -25,9 +26,22 @@ if TYPE_CHECKING:
     from ..recording.as_calibrated import AsCalibrated
 
 
+PANEL = "How the recording is written (most need none of these)"
+OR_ITS = "or the calibration's]"
+"""Of the help of what a calibration tells of its recording."""
+
+
 def _text(metavar: str, help: str, *names: str, kind: type = str) -> Any:
     """The type of an option of reading that is a text, or a path."""
-    return Annotated[kind | None, options.text(metavar, help, *names)]
+    return Annotated[kind | None, options.text(metavar, help, *names, panel=PANEL)]
+
+
+def _number(within: Range, metavar: str, help: str, kind: type = float) -> Any:
+    return Annotated[kind | None, options.number(within, metavar, help, panel=PANEL)]
+
+
+def _switch(names: str, help: str) -> Any:
+    return Annotated[bool | None, typer.Option(names, help=help, rich_help_panel=PANEL)]
 
 
 RECORDING_HELP = (
@@ -40,20 +54,19 @@ OF_TABLE: dict[str, Any] = {
     "time_column": _text("NAME[:UNIT]", "Of a table: the column of the times, or none."),
     "units": _text("force=U,torque=U", "Of a table: units that no name states, as torque=Nmm."),
     "hdf5": _text("wrench=/PATH,pose=/PATH,time=/PATH", "Of an HDF5 file: which datasets hold what.", "--hdf5"),
-    "episode": Annotated[int | None, options.number(EPISODE, "N", "Of a set of recordings: which one.")],
-    "rate": Annotated[float | None, options.number(RATE, "HZ", "Of a table without times: rows in a second.")],
+    "episode": _number(EPISODE, "N", "Of a set of recordings: which one.", int),
+    "rate": _number(RATE, "HZ", "Of a table without times: rows in a second."),
 }
 OF_MEANING: dict[str, Any] = {
-    "orientation": options.Orientation,
-    "wrench_frame": _text("sensor|base", f"Axes of the file's wrench. [default: sensor, {options.OR_ITS}"),
-    "sign": _text("pull|reaction", f"What acts on the sensor, or its reaction. [default: pull, {options.OR_ITS}"),
-    "inverse_orientation": Annotated[
-        bool | None,
-        typer.Option(
-            "--inverse-orientation/--no-inverse-orientation",
-            help=f"The file holds R_flange_base. [default: no, {options.OR_ITS}",
-        ),
-    ],
+    "orientation": _text(
+        "NAME[:COLUMNS]",
+        f"How the file writes R_base_flange: {', '.join(CONVENTIONS)}, or euler:ZYX:deg. [default: auto, {OR_ITS}",
+    ),
+    "wrench_frame": _text("sensor|base", f"Axes of the file's wrench. [default: sensor, {OR_ITS}"),
+    "sign": _text("pull|reaction", f"What acts on the sensor, or its reaction. [default: pull, {OR_ITS}"),
+    "inverse_orientation": _switch(
+        "--inverse-orientation/--no-inverse-orientation", f"The file holds R_flange_base. [default: no, {OR_ITS}"
+    ),
 }
 OF_ANY: dict[str, Any] = {
     **OF_MEANING,
@@ -66,10 +79,7 @@ OF_ANY: dict[str, Any] = {
     **OF_TABLE,
     "imu": _text("SOURCE", "An accelerometer on the tool: a topic of the bag, a table, or columns AX,AY,AZ.", "--imu"),
     "base_frame": _text("NAME", "Of the orientations. [default: what a bag, or --robot, says]"),
-    "accept_damaged": Annotated[
-        bool | None,
-        typer.Option("--accept-damaged", help="Of a damaged bag, or a set: read what is left of it, and say so."),
-    ],
+    "accept_damaged": _switch("--accept-damaged", "Of a damaged bag, or a set: read what is left of it, and say so."),
 }
 READING: dict[str, dict[str, Any]] = {
     "recording": {"file": Annotated[Path | None, typer.Argument(metavar="FILE", help=RECORDING_HELP)], **OF_ANY},

@@ -86,7 +86,10 @@ def simulate(
             "--set",
         ),
     ] = None,
-    orientation: options.Orientation = None,
+    orientation: Annotated[
+        str | None,
+        options.text("NAME[:COLUMNS]", "How a file of --poses writes R_base_flange. [default: found from its columns]"),
+    ] = None,
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..recording.bags.open import SUFFIXES_OF_BAGS
