@@ -150,6 +150,20 @@ def test_an_axis_that_reads_less_since_an_overload_is_no_contact_in_several_pose
     assert sum(text.endswith("more than the bias changed: calibrate anew") for text in said) >= 4
 
 
+def test_a_channel_that_is_dead_since_is_named_and_no_bias_that_changed_between_poses() -> None:
+    rig, R, rng = example(2)
+    calibration = cw.calibrate(noisy(replace(rig, weight=10.0), R, rng), "mount")
+    again = noisy(replace(rig, weight=10.0), random_rotations(10, rng), rng)
+    dead = replace(again, wrench=np.where(np.arange(6) == 1, 0.75, again.wrench))
+    result = verify(calibration, dead)
+    assert not result.passed
+    text = (
+        "doubtful: fy = 0.75 in all 10 rows, though these tilt the tool: a dead channel, or one that was not recorded?"
+    )
+    assert [(each.kind, each.text) for each in result.findings] == [(Kind.DEAD_CHANNEL, text)]
+    assert Kind.DEAD_CHANNEL not in {each.kind for each in verify(calibration, again).findings}
+
+
 def test_rows_that_are_means_are_held_to_what_poses_differ_by() -> None:
     """A stream calibrated, with samples of 10 times the noise: a zero 8 std of a pose off is none of a sample's noise.
     Rows that are samples stay so, and no change is a change.

@@ -287,6 +287,16 @@ def test_the_gravity_of_the_prior_may_be_said_again(tmp_path: Path, capsys: Capt
     )
 
 
+def test_a_new_zero_keeps_the_gravity_of_its_place_and_so_the_mass(tmp_path: Path, capsys: Capture) -> None:
+    earlier, again = tmp_path / "tool.json", tmp_path / "again.json"
+    assert _calibrate(capsys, "-o", earlier, "--g", "9.78").status == 0
+    for flags, g in (((), 9.78), (("--g", "9.83"), 9.83)):
+        assert _calibrate(capsys, "--prior", earlier, "-o", again, "--force", *flags).status == 0
+        assert cw.Calibration.load(again).g == pytest.approx(g, rel=1e-9)
+    prior = cw.Calibration.load(earlier)
+    assert cw.calibrate(cw.read(PANDA), prior=prior).g == pytest.approx(9.78, rel=1e-9)
+
+
 def _calibrate(capsys: Capture, *flags: str | Path) -> Run:
     return run(capsys, "calibrate", PANDA, *flags)
 

@@ -20,6 +20,7 @@ from ..compensate.noise import reading_variance
 from ..errors import InputError
 from ..estimation.findings_of_recording import usable
 from ..estimation.moved_bias import BiasShift, apart, held_against, noise_dof, of_means
+from ..estimation.plausibility import dead_channels
 from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, G
 from ..samples.poses import Pose, names_of
@@ -139,11 +140,13 @@ def verify(
     if not len(samples):
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
     weighings, weighed = _weigh(calibration, samples, load, g)
-    free = recorded_poses(samples.select(load == 0.0), 0, is_stream(samples))
+    unloaded = samples.select(load == 0.0)
+    free, dead = recorded_poses(unloaded, 0, is_stream(samples)), tuple[Finding, ...]()
     poses = free.poses
     residuals, bias = np.empty((0, 6)), None
     tests = {} if weighed is None else {"error of the weighings": weighed}
     if poses:
+        dead = dead_channels(unloaded, calibration.gravity_direction)
         R = np.array([pose.R_base_flange for pose in poses])
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
         noise, dof = reading_variance(calibration, poses), noise_dof(calibration)
@@ -154,10 +157,15 @@ def verify(
             findings.append(note)
         whole, bias = held_against(calibration, residuals, R, noise, dof, free.lag)
         named: tuple[Finding, ...] = ()
-        if bias is not None and max(whole.probability, bias.rest_probability) < SIGNIFICANCE and not bias.with_other:
+        if (
+            bias is not None
+            and not dead
+            and max(whole.probability, bias.rest_probability) < SIGNIFICANCE
+            and not bias.with_other
+        ):
             names = names_of(poses, 0.0 if samples.t is None else samples.t[0])
             named = apart(calibration, residuals, R, noise, whole.dof, names, free.lag, bias.with_any)
-        findings += named or ([] if bias is None or bias.finding is None else [bias.finding])
+        findings += dead or named or ([] if bias is None or bias.finding is None else [bias.finding])
         if bias is not None and _moves_so(calibration, bias):
             rest = MisfitTest(bias.rest_chi2, whole.readings - 6, whole.dof)
             tests["residual less a bias that moves, as seen while calibrating,"] = rest

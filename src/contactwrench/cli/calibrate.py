@@ -97,7 +97,7 @@ def calibrate(
     json: options.Json = False,
     recordings: Recordings,
     gravity: options.Gravity = None,
-    g: options.StandardGravity = STANDARD_GRAVITY,
+    g: options.CalibratingGravity = None,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
     from ..calibration.calibration import Calibration
@@ -114,6 +114,8 @@ def calibrate(
     stated_noise = None if noise is None else options.noise_or_file(noise, "a sensor at rest")
     alike = None if prior is None else recordings.as_calibrated(Calibration.load(prior), None)
     recordings = recordings if alike is None else replace(recordings, options=alike.options)
+    if g is None:
+        g = STANDARD_GRAVITY if alike is None else alike.calibration.g
     stated: dict[str, Any] = {
         "model": model,
         "noise": recordings.beside(stated_noise).read() if isinstance(stated_noise, Path) else stated_noise,

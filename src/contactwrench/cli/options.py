@@ -43,7 +43,9 @@ Gravity = Annotated[
     str | None,
     text("X,Y,Z", "Direction of gravity in base axes. [default: down, or the calibration's]"),
 ]
-StandardGravity = Annotated[float, number(G, "G", "m/s^2, turns a weight into a mass.", "--g")]
+CalibratingGravity = Annotated[
+    float | None, number(G, "G", "m/s^2, turns a weight into a mass. [default: 9.80665, or that of --prior]", "--g")
+]
 WeighingGravity = Annotated[
     float | None, number(G, "G", "m/s^2, turns a weight into a mass. [default: the calibration's]", "--g")
 ]

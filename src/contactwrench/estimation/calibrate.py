@@ -63,7 +63,7 @@ def calibrate(
     noise: NoiseLike = None,
     gravity: ArrayLike | None = None,
     *,
-    g: float = STANDARD_GRAVITY,
+    g: float | None = None,
     mount_tilt_sd: float = MOUNT_TILT_SD,
     base_tilt_sd: float = BASE_TILT_SD,
     known: Mapping[str, tuple[Any, Any]] | None = None,
@@ -81,7 +81,7 @@ def calibrate(
             `dynamic`: as `auto`, and the inertia from what lies between the stops.
         noise: of one pose's reading: std (6,), N and N m, or a recording at rest (n, 6); None: from the residuals.
         gravity: direction (3,), base axes; None: down. `mount+base` and `auto` find it within 90 deg of this one.
-        g: m/s^2, 9.80665 unless stated; turns the weight into the mass.
+        g: m/s^2, turns the weight into the mass; None: that of `prior`, or 9.80665.
         mount_tilt_sd: rad an axis, of the prior of `auto` on the mounting, 1.41 deg unless stated.
         base_tilt_sd: rad an axis, of the prior of `auto` on the base, 0.71 deg unless stated.
         known: (value, std) of `weight` N, `com` (3,) m, `mount` R_flange_sensor (std rad), `gravity` (3,) (std rad).
@@ -105,7 +105,8 @@ def calibrate(
         stated = (known or {}).get("gravity", None if gravity is None else (gravity, base_tilt_sd))
         question = _with_prior(question, prior, stated, samples)
         origin = {"prior": str(prior.provenance.get("source", "arrays")), "tool_from": origin_of_tool(prior)}
-    recorded = from_recording(samples, question, g)
+    of_place = STANDARD_GRAVITY if prior is None else prior.g
+    recorded = from_recording(samples, question, of_place if g is None else g)
     contradicted = of_known(known or {}, recorded.readings, question)
     try:
         calibration = with_errors_of(assembled(recorded, question, origin), prior)
