@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..model import AXES
 from .intake import Windows
-from .source import About, Batch, EndOfStreamError, Source, now
+from .source import About, Batch, EndOfStreamError, NobodyYetError, Source, now
 
 PROBE, COUNTED = (0.7, 0.2), 2
 """s of a window, and the part by which two of them are to be off, and how often that is to be counted: what is held up
@@ -25,8 +26,17 @@ OF_DEVICE = {"sensor": "live_sensor", "robot": "live_robot"}
 """Where a calibration has the name of each."""
 
 
-def probed(source: Source, *, wrench: bool, orientation: bool) -> tuple[About, Batch]:
+def probed(
+    source: Source, *, wrench: bool, orientation: bool, say: Callable[[str], None] | None = None
+) -> tuple[About, Batch]:
     """Open a source, and make sure that it gives what is wanted as fast as it was asked to.
+
+    Args:
+        source: not open.
+        wrench: whether it is to give wrenches.
+        orientation: whether it is to give orientations.
+        say: is told once what is waited for, of a source to which nobody sends yet, for as long as it takes; None: it
+            is not waited for.
 
     Returns:
         What it says of itself, and what came meanwhile.
@@ -35,7 +45,7 @@ def probed(source: Source, *, wrench: bool, orientation: bool) -> tuple[About, B
         DeviceError: it does not answer, or is another device.
         InputError: it gives something else, or at another rate.
     """
-    about = source.open()
+    about = _opened(source, say)
     try:
         asked = (wrench, about.wrench, "wrench"), (orientation, about.orientation, "orientation of the flange")
         for wanted, given, what in asked:
@@ -45,6 +55,19 @@ def probed(source: Source, *, wrench: bool, orientation: bool) -> tuple[About, B
     except BaseException:
         source.close()
         raise
+
+
+def _opened(source: Source, say: Callable[[str], None] | None) -> About:
+    said = False
+    while True:
+        try:
+            return source.open()
+        except NobodyYetError as error:
+            if say is None:
+                raise
+            if not said:
+                say(str(error))
+            said = True
 
 
 def _at_its_rate(source: Source, about: About) -> Batch:

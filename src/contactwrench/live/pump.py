@@ -99,6 +99,13 @@ class Reader:
             self._full = 0
         return news
 
+    def forget(self) -> None:
+        """Let go what came while something else was waited for: more than can be taken, and all of it old."""
+        for _ in range(len(self._news)):
+            if not isinstance(news := self._news.popleft(), Batch):
+                self._news.append(news)
+        self._taken, self._full = self._given, 0
+
     def stop(self) -> None:
         """Ask the thread to end."""
         self._stop.set()

@@ -186,6 +186,7 @@ SUCH = (
     'expected lines such as {"t": 0.001, "fx": 0, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0, "qx": 0, "qy": 0, '
     '"qz": 0, "qw": 1}, or CSV below a header: '
 )
+YET = f"open and nobody who sends yet, {SUCH}"
 NAME_SO = "name what it sends so, or state ?columns=t,fx,fy,fz,tx,ty,tz,.."
 
 
@@ -195,12 +196,15 @@ NAME_SO = "name what it sends so, or state ?columns=t,fx,fy,fz,tx,ty,tz,.."
         (b'{"force": 1}\n', f"""found the line '{{"force": 1}}', {SUCH}{NAME_SO}"""),
         (b"1,2,3,4,5,6\n", f"found the line '1,2,3,4,5,6', {SUCH}{NAME_SO}"),
         (b"\xaaU" * 40, f"found the line '{'ªU' * 30}', {SUCH}{NAME_SO}"),
-        (b"", f"found nothing, {SUCH}let the program write lines, and flush each of them"),
+        (
+            b"",
+            f"found standard input {YET}let the program write lines, and flush each of them",
+        ),
     ],
     ids=["other names", "no header", "no lines", "nothing"],
 )
 def test_what_comes_in_place_of_lines_is_shown(sent: bytes, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contactwrench.live.sources.transport.PATIENCE", 0.2)
+    monkeypatch.setattr("contactwrench.live.sources.lines._Lines.WAITS", 0.2)
     to_read, to_write = os.pipe()
     with io.FileIO(to_read) as stdin, io.FileIO(to_write, "w"):
         monkeypatch.setattr("sys.stdin", stdin)
@@ -233,10 +237,10 @@ def test_what_is_no_stream_is_said_with_its_cause(line: str, said: str, monkeypa
 
 
 def test_a_port_that_nobody_sends_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contactwrench.live.sources.transport.PATIENCE", 0.2)
+    monkeypatch.setattr("contactwrench.live.sources.lines._Lines.WAITS", 0.2)
     port = free_port()
     assert refusal(source_of(f"udp://:{port}")) == (
-        f"udp://:{port}: found nothing, {SUCH}let the sender send to port {port} of this computer"
+        f"udp://:{port}: found port {port} {YET}let the sender send to port {port} of this computer"
     )
 
 

@@ -14,12 +14,14 @@ from time import monotonic
 from typing import Any
 
 from ...errors import visible
-from ..source import DeviceError, Note, NoteKind
+from ..source import DeviceError, NobodyYetError, Note, NoteKind
 
 PATIENCE, TO_CONNECT = 2.5, 1.0
 """s that a device may take to connect and to answer, all of it together; and to connect: a question that was lost is
 asked again sooner so than by the system.
 """
+LISTENS = 2.5
+"""s after which a source that listens says that nobody has sent yet."""
 BUFFER = 1 << 22
 """Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
 MOST_BYTES = 1 << 16
@@ -101,6 +103,10 @@ class Link(ABC):
     def silent(self, expected: str) -> DeviceError:
         """What is raised where nothing answers."""
         return self.error("no answer", expected, f"check that this is the {self._device}, and that no one else uses it")
+
+    def nobody(self, place: str, expected: str, do: str) -> NobodyYetError:
+        """What is raised where a source listens and nobody has sent yet."""
+        return NobodyYetError(str(self.error(f"{place} open and nobody who sends yet", expected, do)))
 
     def _use(self, made: Any, selector: selectors.BaseSelector) -> None:
         """Take a socket, or a file. The lock is held."""
