@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
 from time import monotonic
+from typing import Any
 
 import pytest
 
 from contactwrench.live.source import DeviceError, NoteKind
-from contactwrench.live.sources import transport
+from contactwrench.live.sources import datagrams, transport
 from contactwrench.live.uri import source_of
 from tests.support.devices import KINDS, Kind, answering, consecutive, free_port, kinds, read, reading, refusal
 
@@ -251,7 +253,22 @@ def test_a_port_in_use_is_said() -> None:
     from contactwrench.live.sources.lines import UdpLines
     from contactwrench.live.uri import parsed
 
-    other = transport.Udp("other", "other")
+    other = datagrams.Udp("other", "other")
     port = other.bind("127.0.0.1", free_port())
     assert f"port {port} taken" in refusal(UdpLines(parsed(f"udp://127.0.0.1:{port}")))
     other.close()
+
+
+def test_a_box_is_read_where_its_page_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a name with two addresses the first may be another's; by UDP nobody says so."""
+    known = socket.getaddrinfo
+
+    def both(host: str, port: int, *given: Any, **named: Any) -> Any:
+        hosts = ["::1", "127.0.0.1"] if host == "box" else [host]
+        return [each for host in hosts for each in known(host, port, *given, **named)]
+
+    monkeypatch.setattr(socket, "getaddrinfo", both)
+    with KINDS["netft"].fake() as fake:
+        source = source_of(fake.uri.replace("127.0.0.1", "box"))
+        assert source.open().rate == 1000.0
+        source.close()

@@ -257,8 +257,8 @@ def test_a_port_of_ipv6_is_bound() -> None:
 
 @pytest.mark.skipif(sys.platform == "darwin", reason="one address of this computer's alone is up")
 def test_two_that_send_to_one_port_are_not_mixed() -> None:
-    """The first counts, from whichever port of its own, until no sample of it came for a second; what the other sends
-    meanwhile is said. What sends no samples keeps nobody else away.
+    """The first counts until no sample of it came for a second; what another computer or program sends meanwhile is
+    said. What sends no samples keeps nobody else away, and a program that begins anew is taken from its new port.
     """
     first, again, other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3))
     source = source_of(f"udp://127.0.0.1:{(port := free_port())}")
@@ -284,19 +284,80 @@ def test_two_that_send_to_one_port_are_not_mixed() -> None:
             time.sleep(0.02)
         source.read(0.0)
         both, alone = came(other, first, again, other), came(other)
+        places = [f"{host} port {port}" for host, port in (other.getsockname(), ("127.0.0.1", again.getsockname()[1]))]
+        second = came(first, again)
         time.sleep(1.05)
         sent(first, "hello")
         source.read(0.2)
         time.sleep(1.05)
         sent(first, "hello")
         after = came(other)
+        time.sleep(1.05)
+        begun_anew = came(again, first)
         source.close()
-    assert forces(both) == [1.0, 1.0]
-    said = "another sender 127.0.0.2, which is not used: let only one send to this port"
-    assert [(note.kind, note.number, note.text) for note in both.notes] == [(NoteKind.GARBAGE, 2, said)]
-    assert [(note.kind, note.number, note.text) for note in alone.notes] == [(NoteKind.GARBAGE, 1, said)]
+    assert forces(both) == [1.0]
+    said = "another sender, {}, which is not used: let only one program send to this port"
+    assert [(note.kind, note.number, note.text) for note in both.notes] == [
+        (NoteKind.GARBAGE, 3, said.format(places[0]))
+    ]
+    assert [(note.kind, note.number, note.text) for note in alone.notes] == [
+        (NoteKind.GARBAGE, 1, said.format(places[0]))
+    ]
+    assert [note.text for note in second.notes] == [said.format(places[1])]
+    assert forces(second) == [1.0]
+    assert forces(begun_anew) == [1.0, 1.0]  # one of each says nothing yet
+    assert begun_anew.notes == []
     assert forces(alone) == []
     assert forces(after) == [2.0]
+
+
+def test_a_socket_for_each_line_is_one_sender() -> None:
+    source = source_of(f"udp://:{(port := free_port())}")
+
+    def sent(k: int) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b'{"fx": %d, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}' % k, ("127.0.0.1", port))
+
+    with ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(source.open)
+        while not opening.done():
+            sent(-1)
+            time.sleep(0.02)
+        source.read(0.0)
+        for k in range(50):
+            sent(k)
+        came = source.read(0.2)
+        source.close()
+    assert [sample.wrench[0] for sample in came.samples if sample.wrench] == list(range(50))
+    assert came.notes == []
+
+
+def test_two_programs_that_begin_together_are_soon_told_apart() -> None:
+    first, other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    source = source_of(f"udp://:{(port := free_port())}")
+    with first, other, ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(source.open)
+        while not opening.done():
+            for fx, sender in enumerate((first, other), 1):
+                sender.sendto(b'{"fx": %d, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}' % fx, ("127.0.0.1", port))
+            time.sleep(0.02)
+        forces = [sample.wrench[0] for sample in source.read(0.0).samples if sample.wrench]
+        source.close()
+    assert forces[:5] == [1.0, 2.0, 1.0, 2.0, 1.0]
+    assert set(forces[5:]) == {1.0}
+
+
+@pytest.mark.parametrize("there", ["127.0.0.1", "::1"])
+def test_a_port_without_an_address_is_one_of_ipv6_too(there: str) -> None:
+    source = source_of(f"udp://:{(port := free_port())}")
+    family = socket.AF_INET6 if ":" in there else socket.AF_INET
+    with socket.socket(family, socket.SOCK_DGRAM) as sender, ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(source.open)
+        while not opening.done():
+            sender.sendto(b'{"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}', (there, port))
+            time.sleep(0.02)
+        source.close()
+    assert opening.result().wrench
 
 
 @pytest.mark.parametrize(("name", "leaps"), [("t", True), ("t_ms", False)])

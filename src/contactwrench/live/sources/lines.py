@@ -16,9 +16,10 @@ from ...recording.tables.layout import cells, layout_of
 from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
+from .datagrams import Udp
 from .reader import AnyLink, Reader
 from .standard_input import StandardInput
-from .transport import LISTENS, Deadline, Tcp, Udp
+from .transport import LISTENS, Deadline, Tcp
 
 LONGEST, SHOWN = 65_536, 60
 """Bytes of a line, and of one that is shown."""

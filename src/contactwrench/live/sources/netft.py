@@ -12,8 +12,8 @@ from ...recording.tables.units import per_si, unit_of
 from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample
 from ..uri import Uri
+from .datagrams import Udp
 from .reader import Reader
-from .transport import Udp
 
 PORT, HTTP_PORT = 49_152, 80
 PAGE = "/netftapi2.xml"
@@ -92,13 +92,13 @@ class NetFt(Reader[Udp]):
         """As `Source`."""
         deadline = self._link.deadline()
         self._link.addresses(*self._at)  # or the page would be asked of nobody
-        page = self._page()
+        page, address = self._page()
         name = _text(page, "prodname") or "Net F/T"
         rate = _number(next(filter(None, (_text(page, tag) for tag in RATES)), ""))
         counts = self._counts(page, "force", "cfgcpf", "scfgfu"), self._counts(page, "torque", "cfgcpt", "scfgtu")
         if not 0.0 < rate < inf:
             raise self._link.error("no rate on the page", RATES[0], "set the RDT rate on the box's page")
-        self._link.connect(*self._at)
+        self._link.connect(address, self._at[1])
         if self._zero:
             self._link.send(ZERO)
         self._link.send(STREAM)
@@ -119,9 +119,12 @@ class NetFt(Reader[Udp]):
             self._link.send(STREAM)
         return batch
 
-    def _page(self) -> str:
+    def _page(self) -> tuple[str, str]:
+        """And the address at which it was found: a name may have others, at which the box is not."""
         connection = HTTPConnection(self._at[0], self._http, timeout=PATIENCE)
         try:
+            connection.connect()
+            address: str = connection.sock.getpeername()[0]
             connection.request("GET", PAGE)
             page = connection.getresponse().read(1 << 18).decode("latin-1")
         except (OSError, HTTPException) as error:
@@ -133,7 +136,7 @@ class NetFt(Reader[Udp]):
             connection.close()
         if not _text(page, "cfgcpf"):
             raise self._link.another(page.encode("latin-1"), f"the box's {PAGE}")
-        return page
+        return page, address
 
     def _counts(self, page: str, quantity: str, of: str, unit: str) -> float:
         """Counts of one N or N m."""

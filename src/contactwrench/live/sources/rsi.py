@@ -12,8 +12,9 @@ from ...geometry.quaternions import from_kuka_abc
 from ..counter import Counter
 from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six, now
 from ..uri import Uri
+from .datagrams import Udp
 from .reader import Reader
-from .transport import LISTENS, Udp
+from .transport import LISTENS
 
 PORT = 49_152
 SHORTEST = 4
