@@ -24,11 +24,12 @@ from scipy.spatial.transform import Rotation
 from contactwrench.geometry.orientation import CONVENTIONS
 from contactwrench.geometry.quaternions import from_kuka_abc
 from contactwrench.lab.netft import NetFt
+from contactwrench.lab.robotiq import Robotiq
 from contactwrench.lab.rsi import Rsi
 from contactwrench.lab.signals import Plain
 from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind, Source
-from contactwrench.live.sources import ft300, netft, rsi
+from contactwrench.live.sources import ft300, netft, robotiq, rsi
 from contactwrench.live.sources.ros2 import Ros2
 from contactwrench.live.uri import parsed, source_of
 from tests.live.sources.test_sri_decoder import pieces_of
@@ -143,8 +144,8 @@ def test_a_host_that_is_none_is_said(scheme: str, host: str, found: str) -> None
 
 def test_a_place_to_listen_at_that_is_none_is_said() -> None:
     assert refusal(source_of("udp://a..b:9000")) == (
-        "udp://a..b:9000: found no host a..b, expected a name or an address of this computer's: correct it, or leave it "
-        "out"
+        "udp://a..b:9000: found no host a..b, expected a name or an address of this computer's: correct it, or leave "
+        "it out"
     )
 
 
@@ -359,3 +360,44 @@ def test_the_robot_of_the_lab_waits_for_a_session() -> None:
         source.close()
         sleep(0.7)
         assert robot.stopped
+
+
+READING = b"( 2.25 , -0.10 , 29.3 , 0.01 , 0.02 , 0.0 )"
+
+
+@pytest.mark.parametrize("end", [b"", b"\n", b"\r\n"])
+def test_readings_of_robotiqs_urcap_are_newtons_and_newton_metres(end: bytes) -> None:
+    """In whichever pieces they come; six numbers make one, and what stands between them is said."""
+    data = READING + end + b"( 1 , 2 , 3 )" + end + b"nothing" + b"(1e-05,2,3,4,5,-6)" + end + b"( 7 , 8"
+    for size in (1, 7, len(data)):
+        decoder, batch = robotiq.RobotiqDecoder(), Batch()
+        for k in range(0, len(data), size):
+            decoder.feed(data[k : k + size], 1.0, batch)
+        wrenches = [sample.wrench for sample in batch.samples]
+        assert wrenches == [(2.25, -0.1, 29.3, 0.01, 0.02, 0.0), (1e-05, 2.0, 3.0, 4.0, 5.0, -6.0)]
+        assert {note.kind for note in batch.notes} == {NoteKind.GARBAGE}
+        assert sum(note.number for note in batch.notes) == len(b"( 1 , 2 , 3 )nothing")
+        assert batch.notes[0].text == "13 bytes that are no reading"
+
+
+def test_a_parenthesis_that_is_not_closed_is_not_kept_for_ever() -> None:
+    decoder, batch = robotiq.RobotiqDecoder(), Batch()
+    for _ in range(100):
+        decoder.feed(b"( 1 , 2", 1.0, batch)
+    decoder.feed(READING, 2.0, batch)
+    assert len(batch.samples) == 1
+    assert sum(note.number for note in batch.notes) == 700
+
+
+@pytest.mark.parametrize("rate", [100.0, 125.0])
+@pytest.mark.parametrize("end", ["", "\n"])
+def test_robotiqs_urcap_is_read(rate: float, end: str) -> None:
+    with Robotiq(Plain(wrench=(2.254, -0.1, 29.3, 0.0104, 0.02, 0.0)), rate, end=end) as fake:
+        source = source_of(fake.uri)
+        about, early = probed(source, wrench=True, orientation=False)
+        early.add(read(source, 0.5))
+        source.close()
+    assert (about.name, about.wrench, about.orientation) == ("Robotiq FT 300 by its URCap", True, False)
+    assert len(early.samples) > 0.3 * rate
+    assert {sample.wrench for sample in early.samples} == {(2.25, -0.1, 29.3, 0.01, 0.02, 0.0)}
+    assert early.notes == []
