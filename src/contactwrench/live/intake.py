@@ -47,6 +47,7 @@ NOTHING = (0.0,)
 
 AMONG = "late: those before it came so late that its time lies among theirs"
 UNKNOWN = "late: its clock is not known yet, what waited may still come"
+NEVER_KNOWN = "late: its count or clock begins anew on and on, no time of it is known: let it go on, or leave it out"
 
 CONNECTING, STREAMING, QUIET, DOWN = "connecting", "streaming", "silent", "down"
 
@@ -129,7 +130,7 @@ class Intake:
             if late > LATE + self._bursts.period and not is_whole:
                 return t, f"late: came {late:.2f} s after it was taken"
             if not (is_known or plays or is_whole):
-                return t, UNKNOWN
+                return t, NEVER_KNOWN if self.clock.begins_on_and_on else UNKNOWN
             return t, "" if plays or self._newest - t < BEHIND else AMONG
         if within_burst is not None:
             return within_burst, ""
