@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from contactwrench.live.source import DeviceError, NoteKind
-from contactwrench.live.sources import datagrams, transport
+from contactwrench.live.sources import datagrams, netft, transport
 from contactwrench.live.uri import source_of
 from tests.support.devices import KINDS, Kind, answering, consecutive, free_port, kinds, read, reading, refusal
 
@@ -28,6 +28,7 @@ def some(holds: str) -> pytest.MarkDecorator:
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transport, "PATIENCE", 0.8)
+    monkeypatch.setattr(netft, "PATIENCE", 0.8)
 
 
 @ALL

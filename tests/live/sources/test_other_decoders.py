@@ -196,9 +196,10 @@ def test_a_robot_that_sends_something_else_is_told_what(change: Callable[[bytes]
 
 
 def test_where_no_robot_sends_that_is_said() -> None:
-    uri = f"rsi://{LOCALHOST}:{free_port()}"
+    uri = f"rsi://{LOCALHOST}:{(port := free_port())}"
     assert refusal(source_of(uri)) == (
-        f"{uri}: found no robot that sends, expected its RSI datagrams: start the program with RSI_MOVECORR"
+        f"{uri}: found port {port} open and nobody who sends yet, expected the robot's RSI datagrams: start the program "
+        "with RSI_MOVECORR on the robot"
     )
 
 

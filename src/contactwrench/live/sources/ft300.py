@@ -23,6 +23,7 @@ AGAIN, WITHIN = 0.5, 0.02
 """s without an answer after which the question is asked again; and, by a serial line, without the rest of one, which an
 adapter to USB may hold for 16 ms: what comes 60 ms after the last sample would be taken for late.
 """
+OLD = f"late: it answers a question of {AGAIN:g} s ago or more: let one program alone ask, or take a faster gateway"
 STREAM, END_OF_STREAM, SEEN = b"\x20\x4e", b"\xff" * 50, 0.05
 """What a frame begins with of the stream that a sensor may send unasked, which takes no questions; what ends it
 (Robotiq's manual); and s in which it is seen: frames come 100 times a second.
@@ -33,7 +34,8 @@ class Ft300Decoder:
     """Answers to samples: those of TCP have a head with a number, those of a serial line a sum."""
 
     def __init__(self, serial: bool) -> None:
-        self._serial, self._buffer = serial, b""
+        self._serial, self._buffer, self.number = serial, b"", 0
+        """The last question's, by TCP."""
         self._before, self._after = (0, 2) if serial else (6, 0)
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
@@ -47,7 +49,8 @@ class Ft300Decoder:
             else:
                 fx, fy, fz, tx, ty, tz = _registers.unpack_from(buffer, start + len(ANSWER))
                 wrench = 0.01 * fx, 0.01 * fy, 0.01 * fz, 0.001 * tx, 0.001 * ty, 0.001 * tz
-                batch.samples.append(Sample(arrival, wrench=wrench))
+                old = not self._serial and buffer[max(start - 6, 0) : start - 4] != self.number.to_bytes(2)
+                batch.samples.append(Sample(arrival, wrench=wrench, flaw=OLD if old else ""))
             self._note_garbage(max(start - self._before, 0), batch)
             buffer = buffer[end + self._after :]
         keep = size + self._before + self._after
@@ -160,6 +163,7 @@ class Ft300(Reader[Tcp | Serial]):
     def _ask(self) -> None:
         self._number = (self._number + 1) % 0x1_0000
         head = b"" if self._path else Struct(">HHH").pack(self._number, 0, len(QUESTION))
+        self._answers.number = self._number
         self._link.send(head + QUESTION + (crc(QUESTION) if self._path else b""))
         self._asked, self._sent = True, monotonic()
 

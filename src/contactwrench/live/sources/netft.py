@@ -30,8 +30,8 @@ SATURATED = {"net": 1 << 17, "axia": 1 << 27 | 1 << 30}
 """ATI's manuals: of a Net F/T, saturation or A/D; of an Axia, a gage, or force and torque, out of range."""
 RATES = "comrdtrate", "cfgcomrdtrate"
 """Of its page: as the box has it, and as it was taken to be."""
-PATIENCE = 1.2
-"""s for the page."""
+PATIENCE = 3.0
+"""s for the page: to connect, and to answer."""
 AGAIN = 1.0
 """s of silence after which the stream is asked for again: a box that was switched off has forgotten it."""
 

@@ -16,16 +16,18 @@ from typing import Any
 from ...errors import visible
 from ..source import DeviceError, NobodyYetError, Note
 
-PATIENCE, TO_CONNECT = 2.5, 1.0
-"""s that a device may take to connect and to answer, all of it together; and to connect: a question that was lost is
-asked again sooner so than by the system.
+PATIENCE, TO_CONNECT, ATTEMPTS = 10.0, 1.0, 3
+"""s that a device may take to connect and to answer, all of it together: a gateway to a serial line, or a controller
+that has just begun, takes 4 s. And s to connect, and how often that is tried: a question that was lost is asked again
+sooner so than by the system.
 """
 LISTENS = 2.5
 """s after which a source that listens says that nobody has sent yet."""
 BUFFER = 1 << 22
 """Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
 MOST_BYTES = 1 << 16
-REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: "no answer"}
+NO_ANSWER = "no answer"
+REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: NO_ANSWER}
 
 
 class Deadline:
@@ -150,11 +152,14 @@ class Tcp(Link):
 
     def connect(self, host: str, port: int, deadline: Deadline) -> None:
         """Connect. Raises `DeviceError`: no such name, refused, or no answer."""
-        reason = "no answer"
-        for family, kind, _, _, address in self.addresses(host, port, socket.SOCK_STREAM):
-            reason = self._connected(family, kind, address, deadline)
+        reason, found = NO_ANSWER, self.addresses(host, port, socket.SOCK_STREAM)
+        for family, kind, _, _, address in found * ATTEMPTS:
+            if deadline.left:
+                reason = self._connected(family, kind, address, deadline)
             if not reason:
                 return
+            if reason != NO_ANSWER and len(found) == 1:
+                break
         do = "check its power, its cable and the address; it must be in this computer's network"
         raise self.error(f"{reason} at {host} port {port}", f"the {self._device}", do)
 
