@@ -57,7 +57,7 @@ def test_kuka_angles_are_those_of_recordings(a: float, b: float, c: float) -> No
     ],
 )
 def test_a_status_of_ati_is_understood(status: int, saturated: str, word: str) -> None:
-    decoder, batch = netft.NetFtDecoder((1e6, 1e6), 1e3, netft.SATURATED[saturated]), Batch()
+    decoder, batch = netft.NetFtDecoder(1e6, 1e6, 1e3, netft.SATURATED[saturated]), Batch()
     decoder.feed(struct.pack(">III6i", 1, 1, status, *[0] * 6), 1.0, batch)
     assert batch.samples[0].flaw.partition(":")[0] == word
     assert [note.kind for note in batch.notes] == [NoteKind.STATUS]
@@ -65,7 +65,7 @@ def test_a_status_of_ati_is_understood(status: int, saturated: str, word: str) -
 
 @pytest.mark.parametrize(("count", "is_end"), [(2**31 - 1, True), (-(2**31), True), (2**31 - 2, False)])
 def test_counts_of_ati_at_the_end_of_their_range_are_no_reading(count: int, is_end: bool) -> None:
-    decoder, batch = netft.NetFtDecoder((1e6, 1e6), 1e3, netft.SATURATED["net"]), Batch()
+    decoder, batch = netft.NetFtDecoder(1e6, 1e6, 1e3, netft.SATURATED["net"]), Batch()
     decoder.feed(struct.pack(">III6i", 1, 1, 0, 0, 0, count, 0, 0, 0), 1.0, batch)
     assert batch.samples[0].flaw == "saturated: a count is at the end of its range" * is_end
 
@@ -198,8 +198,8 @@ def test_a_robot_that_sends_something_else_is_told_what(change: Callable[[bytes]
 def test_where_no_robot_sends_that_is_said() -> None:
     uri = f"rsi://{LOCALHOST}:{(port := free_port())}"
     assert refusal(source_of(uri)) == (
-        f"{uri}: found port {port} open and nobody who sends yet, expected the robot's RSI datagrams: start the program "
-        "with RSI_MOVECORR on the robot"
+        f"{uri}: found port {port} open and nobody who sends yet, expected the robot's RSI datagrams: start the "
+        "program with RSI_MOVECORR on the robot"
     )
 
 
@@ -328,7 +328,7 @@ def test_a_stream_that_another_program_left_is_ended(streams: bool) -> None:
 
 @given(st.binary(max_size=300))
 def test_any_bytes_are_read(data: bytes) -> None:
-    decoders = netft.NetFtDecoder((1.0, 1.0), 1e3, 0), rsi.RsiDecoder(), ft300.Ft300Decoder(serial=True)
+    decoders = netft.NetFtDecoder(1.0, 1.0, 1e3, 0), rsi.RsiDecoder(), ft300.Ft300Decoder(serial=True)
     for decoder in decoders:
         decoder.feed(data, 0.0, Batch())
 
