@@ -10,7 +10,7 @@ from time import monotonic
 from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six
 from ..uri import Uri
-from .reader import Reader
+from .reader import NOT_AGAIN, ZEROED, Reader
 from .transport import Deadline, Tcp
 
 PORT = 4008
@@ -95,7 +95,7 @@ class Sri(Reader[Tcp]):
         super().__init__(uri, Tcp(uri.text, "SRI interface box"), b"AT+GSD=STOP\r\n")
         self._at = uri.host, uri.port or PORT
         self._asked = uri.rate()
-        self._zero = uri.switch("zero")
+        self._zero, self._zeroed = uri.switch("zero"), False
 
     def open(self) -> About:
         """As `Source`."""
@@ -107,10 +107,13 @@ class Sri(Reader[Tcp]):
         self._obeys = OBEYS + 2.0 * (monotonic() - begun)
         rate = self._set_rate()
         settings = {"address of the box": address or "not told"}
-        for command in (CHANNELS, "DCKMD=SUM", *(["ADJZF=1;1;1;1;1;1"] if self._zero else [])):
+        zero = self._zero and not self._zeroed
+        for command in (CHANNELS, "DCKMD=SUM", *(["ADJZF=1;1;1;1;1;1"] if zero else [])):
             settings[command] = (
                 "done" if self._ask(command, self._link.deadline(self._obeys)) else "not confirmed by the box"
             )
+        settings |= {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
+        self._zeroed = self._zero
         self._begin(SriDecoder(rate or self._asked or USUAL_RATE))
         self._link.send(b"AT+GSD\r\n")
         return About("SRI M8128", wrench=True, orientation=False, rate=self._asked or rate, settings=settings)
