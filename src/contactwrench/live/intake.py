@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..samples.samples import LARGEST_READING
-from .bursts import Bursts
+from .bursts import Bursts, Waited
 from .clock import LATE, Clock
 from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
@@ -26,10 +26,6 @@ LOOK_EVERY = 0.02
 """s from one look at the device to the next: of the 130 us of a turn with one sample two looks were 22."""
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
-GAP = 3.0
-"""Periods without a sample, and `LATE` at the least, behind which, for `LATE`, one that has no time of its own may have
-been taken before the gap, and waited: its arrival is no time then.
-"""
 LEAST_STEP, BEHIND = 1e-6, 1e-4
 """s from one sample to the next: time goes on; and s by which one may lie before the last one, all the same: behind
 more the last one came so late that the time of neither is known.
@@ -62,8 +58,8 @@ class Intake:
         self.clock = Clock()
         self._rate, self._bursts, self._in_bursts = Rate(None, -inf), Bursts(), False
         self.samples = self.lost = self.repeated = self.wrong = 0
-        self._newest = self._arrived = self._resumed = -inf
-        self._usual, self._gap = inf, 0.0
+        self._newest = self._arrived = -inf
+        self._usual, self._waited = inf, Waited()
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
@@ -118,11 +114,9 @@ class Intake:
         """When a sample was taken, s, which is `t` by its own clock, where that is known; and why that is not to be
         believed, or nothing.
         """
-        gap, self._arrived = sample.arrival - self._arrived, sample.arrival
+        waited, self._arrived = self._waited.took(sample.arrival, self._usual), sample.arrival
         plays = self.about is not None and self.about.replay
         within_burst = None if plays else self._bursts.taken(sample.arrival)
-        if max(LATE, GAP * self._usual) < gap < inf:
-            self._resumed, self._gap = sample.arrival, gap
         self._has_time = not isnan(sample.device)
         if self._has_time:
             late = sample.arrival - t
@@ -134,8 +128,7 @@ class Intake:
             return t, "" if plays or self._newest - t < BEHIND else AMONG
         if within_burst is not None:
             return within_burst, ""
-        waited = sample.arrival - self._resumed < LATE
-        return t, f"late: nothing for {self._gap:.2f} s before it, and no time of its own" if waited else ""
+        return t, f"late: nothing for {waited:.2f} s before it, and no time of its own" if waited else ""
 
     def _flawed(self, sample: Sample) -> None:
         """Note a sample with a flaw; of those that are late the first, and what comes with it."""
