@@ -12,7 +12,7 @@ from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..model import AXES
 from .intake import Windows
-from .source import About, Batch, EndOfStreamError, NobodyYetError, Source, now
+from .source import About, Batch, DeviceError, EndOfStreamError, NobodyYetError, Source, now
 
 PROBE, COUNTED = (0.7, 0.2), 2
 """s of a window, and the part by which two of them are to be off, and how often that is to be counted: what is held up
@@ -22,6 +22,8 @@ LEAST_RATE, SILENCE = 10.0, 1.5
 """Hz: what comes more rarely takes too long to count before a session; and s without a sample, which is no rate."""
 LOOK = 0.1
 """s that a read waits."""
+SAME = 0.01
+"""Part by which a rate is another one."""
 OF_DEVICE = {"sensor": "live_sensor", "robot": "live_robot"}
 """Where a calibration has the name of each."""
 
@@ -108,6 +110,20 @@ def with_devices(calibration: Calibration, sensor: About, robot: About) -> Calib
 def _kind(name: str) -> str:
     """Of a device, without the version of its program, and without the port at which lines come."""
     return name.partition(", ")[0].partition("://")[0]
+
+
+def require_same(uri: str, before: About, about: About) -> None:
+    """Raise `DeviceError` where a device that is connected to again is of another kind, or gives its wrenches at another
+    rate, by which they are filtered.
+    """
+    found, expected = "", ""
+    if _kind(about.name) != _kind(before.name):
+        found, expected = about.name, before.name
+    elif about.wrench and about.rate and before.rate and abs(about.rate / before.rate - 1.0) > SAME:
+        found, expected = f"{about.rate:.4g} samples a second", f"{before.rate:.4g}"
+    if found:
+        do = "connect that again, or begin a new session"
+        raise DeviceError(f"{uri}: found {found}, expected {expected}, as when the session began: {do}")
 
 
 def require_devices(calibration: Calibration, name: str, sensor: About, robot: About) -> None:

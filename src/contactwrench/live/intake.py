@@ -34,6 +34,8 @@ SURELY, SOON = (0.5, 0.1), (0.12, 0.3)
 """s of a window, and the part by which two of them are to be off: a rate that is far off is not waited for longer."""
 FEWEST = 10
 """Samples that are to come in a window, which is longer for a slow device: one more or less makes no other rate."""
+REASONS = 4
+"""For which a device is not there, that are said until it is: refused first, it may then be another one."""
 RIGHT = 0.5
 """Of the part by which a rate is off: within it, it is right again. One at the limit is not said over and over so."""
 
@@ -60,6 +62,7 @@ class Intake:
         self.samples = self.lost = self.repeated = self.wrong = 0
         self._newest = self._arrived = -inf
         self._usual, self._waited = inf, Waited()
+        self._reasons = set[str]()
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
@@ -78,8 +81,10 @@ class Intake:
         return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected{settings}")
 
     def down(self, text: str, t: float) -> Event | None:
-        """The device is gone, or was never there; said once."""
-        said_before = self.state == DOWN
+        """The device is gone, or was never there; each reason is said once, and the first few."""
+        self._reasons = self._reasons if self.state == DOWN else set()
+        said_before = text in self._reasons or len(self._reasons) >= REASONS
+        self._reasons.add(text)
         self.state, self.text, self._rate = DOWN, text, Rate(None, t)
         ended = self.about is not None and self.about.replay
         return None if said_before else self._event(t, "down", "note" if ended else "error", text)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import msgspec
 
 from ..errors import ContactWrenchError
+from .devices import require_same
 from .session import Session
 from .sink import OpenSink
 from .snapshot import Event as Said
@@ -124,6 +125,7 @@ class Reader:
             try:
                 if about is None:
                     about = self._source.open()
+                    require_same(self._source.uri, self.about, about)
                     self._put(about)
                 self._read(about)
             except EndOfStreamError as error:
