@@ -113,8 +113,8 @@ def _kind(name: str) -> str:
 
 
 def require_same(uri: str, before: About, about: About) -> None:
-    """Raise `DeviceError` where a device that is connected to again is of another kind, or gives its wrenches at another
-    rate, by which they are filtered.
+    """Raise `DeviceError` where a device that is connected to again is of another kind, or gives its wrenches at
+    another rate, by which they are filtered.
     """
     found, expected = "", ""
     if _kind(about.name) != _kind(before.name):
