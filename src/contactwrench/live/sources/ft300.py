@@ -15,6 +15,8 @@ from .transport import Deadline, Tcp
 
 PORT, UNIT = 502, 9
 RATE = 100.0
+RANGES = (300.0, 300.0, 300.0, 30.0, 30.0, 30.0)
+"""N and N m (Robotiq's data sheet): what reads more, up to the 327 N of a register and no further, is no reading."""
 QUESTION = Struct(">BBHH").pack(UNIT, 3, 180, 6)
 """Registers 180 to 185 hold forces in 0.01 N and torques in 0.001 N m (Robotiq's manual)."""
 _registers = Struct(">6h")
@@ -124,7 +126,7 @@ class Ft300(Reader[Tcp | Serial]):
         self._begin(self._answers)
         self._first(deadline, lambda: self._link.silent("six Modbus registers from 180 on"))
         rate = None if self._path else RATE  # what a serial line can is its own
-        return About("Robotiq FT 300", wrench=True, orientation=False, rate=rate, settings=settings)
+        return About("Robotiq FT 300", wrench=True, orientation=False, rate=rate, ranges=RANGES, settings=settings)
 
     def _stream_ended(self, deadline: Deadline) -> dict[str, str]:
         """End the stream in which another program has left the sensor; what is to be said of that."""

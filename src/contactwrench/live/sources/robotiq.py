@@ -6,6 +6,7 @@ import re
 
 from ..source import About, Batch, Note, NoteKind, Sample
 from ..uri import Uri
+from .ft300 import RANGES
 from .reader import Reader
 from .transport import Tcp
 
@@ -63,4 +64,4 @@ class Robotiq(Reader[Tcp]):
         self._begin(RobotiqDecoder())
         self._first(deadline, lambda: self._link.silent("readings such as ( 2.25 , -0.1 , 29.3 , 0.01 , 0.02 , 0.0 )"))
         settings = {"by": "the URCap's port"}
-        return About("Robotiq FT 300 by its URCap", wrench=True, orientation=False, settings=settings)
+        return About("Robotiq FT 300 by its URCap", wrench=True, orientation=False, ranges=RANGES, settings=settings)
