@@ -332,6 +332,36 @@ def test_a_socket_for_each_line_is_one_sender() -> None:
     assert came.notes == []
 
 
+@pytest.mark.parametrize("at_once", [False, True])
+def test_a_program_that_begins_anew_is_taken_from_its_new_port_soon(at_once: bool) -> None:
+    """A robot that is not answered for a second stops. Two at once are another matter."""
+    source = source_of(f"udp://:{(port := free_port())}")
+    old, new = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+
+    def sent(sender: socket.socket) -> None:
+        line = b'{"fx": %d, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}' % (sender is new)
+        sender.sendto(line, ("127.0.0.1", port))
+        time.sleep(0.01)
+
+    with old, new, ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(source.open)
+        while not opening.done():
+            sent(old)
+        came = source.read(0.0)
+        for k in range(60):
+            if at_once or k < 10:
+                sent(old)
+            elif k == 10:
+                time.sleep(0.2)
+            if k >= 10:
+                sent(new)
+            came.add(source.read(0.0))
+        source.close()
+    forces = [sample.wrench[0] for sample in came.samples if sample.wrench]
+    assert sum(forces) == (0.0 if at_once else 50.0)
+    assert bool(came.notes) == at_once
+
+
 def test_two_programs_that_begin_together_are_soon_told_apart() -> None:
     first, other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
     source = source_of(f"udp://:{(port := free_port())}")

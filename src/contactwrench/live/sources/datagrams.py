@@ -7,6 +7,7 @@ import socket
 from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
+from math import exp
 from time import monotonic
 from typing import Any
 
@@ -20,6 +21,11 @@ ANOTHER = 1.0
 STEADY, REMEMBERED = 3, 4
 """Datagrams of one port of a sender's, after which others of the same computer are other programs; and how many ports
 are remembered: a program that opens a socket for each datagram sends hardly twice from one of the last ones.
+"""
+
+GONE, PAUSES, FORGETS = 0.05, 3.0, 1.0
+"""s, and so many of its longest pauses, which are forgotten within some s, without a datagram of a port, after which
+another one of the same computer is the same program, begun anew: a robot that waits longer for its answers stops.
 """
 
 
@@ -63,6 +69,7 @@ class Udp(Link):
 
     def _listen_anew(self) -> None:
         self._one, self._others = None, (0, "")
+        self._heard = self._longest = 0.0
         self._sent = OrderedDict[tuple[str, int], int]()
 
     def answer(self, data: bytes) -> None:
@@ -92,9 +99,9 @@ class Udp(Link):
         return self._of_one(taken, senders)
 
     def _of_one(self, taken: list[bytes], senders: list[Any]) -> list[bytes]:
-        kept = []
+        kept, t = [], monotonic()
         for data, sender in zip(taken, senders, strict=True):
-            if self._takes(sender[:2]):
+            if self._takes(sender[:2], t):
                 self._sender = sender
                 kept.append(data)
             else:
@@ -102,21 +109,28 @@ class Udp(Link):
                 self._others = self._others[0] + 1, place
         return kept
 
-    def _takes(self, sender: tuple[str, int]) -> bool:
-        """Whether it is the one that is listened to, or becomes it."""
+    def _takes(self, sender: tuple[str, int], t: float) -> bool:
+        """Whether it is the one that is listened to at `t` s, or becomes it."""
         one = self._one
         if sender != one:
-            silent = one is None or monotonic() - self._used > ANOTHER
-            if not silent and one is not None and (one[0] != sender[0] or self._sent.get(one, 0) >= STEADY):
+            silent = one is None or t - self._used > ANOTHER
+            begun_anew = one is not None and one[0] == sender[0] and self._is_gone(one, t)
+            if not silent and not begun_anew:
                 return False
-            self._used = monotonic() if silent else self._used
-            self._one = sender
+            self._used = t if silent else self._used
+            self._one, self._heard, self._longest = sender, t, 0.0
+        passed, self._heard = t - self._heard, t
+        self._longest = max(passed, self._longest * exp(-passed / FORGETS))
         if (sent := self._sent.get(sender, 0)) < STEADY:
             self._sent[sender] = sent + 1
             self._sent.move_to_end(sender)
             if len(self._sent) > REMEMBERED:
                 self._sent.popitem(last=False)
         return True
+
+    def _is_gone(self, one: tuple[str, int], t: float) -> bool:
+        """Whether another port of the same computer may be the same program, begun anew."""
+        return self._sent.get(one, 0) < STEADY or t - self._heard > max(GONE, PAUSES * self._longest)
 
     def notes(self, used: bool) -> list[Note]:
         """As `Link`: others that sent to the port. What is no sample, as of a program that sends by mistake, keeps
