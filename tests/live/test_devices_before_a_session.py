@@ -165,15 +165,19 @@ def test_compiling_and_waiting_are_events_and_on_the_page(
     assert shown[-1]["t"] - said[0]["t"] > 1.5
 
 
-def test_what_came_while_something_else_was_waited_for_is_let_go() -> None:
-    """It is old, and of a minute at 1 kHz two thirds cannot be kept: they were said to be lost."""
+@pytest.mark.parametrize("came", [5, WAITING])
+def test_more_than_can_be_taken_while_something_else_was_waited_for_is_let_go(came: int) -> None:
+    """It is old, and of a minute at 1 kHz two thirds cannot be kept: they were said to be lost. What fits, is kept."""
     source = Sends([])
-    reader = Reader(source, source.open(), Batch([Sample(0.0, wrench=(0.0,) * 6)] * (WAITING + 5)))
-    reader.forget()
-    news = reader.news()
+    early = Batch([Sample(0.0, wrench=(0.0,) * 6)] * came)
+    reader = Reader(source, source.open(), early)
     reader.stop()
     reader.join()
-    assert news == [source.open()]
+    reader._put(Batch(early.samples[:3]))
+    reader.forget()
+    assert reader.news() == [source.open(), *([early, Batch(early.samples[:3])] if came == 5 else [])]
+    reader._put(early)
+    assert reader.news() == [early]
 
 
 def test_nothing_is_said_where_all_is_there(

@@ -101,11 +101,13 @@ class Reader:
         return news
 
     def forget(self) -> None:
-        """Let go what came while something else was waited for: more than can be taken, and all of it old."""
-        for _ in range(len(self._news)):
+        """Let go what came while something else was waited for, where that was more than can be taken: all of it is
+        old, and the last of it is missing. What fits, as of a pipe, or a recording that waits itself, is kept.
+        """
+        for _ in range(len(self._news) if self._full else 0):
             if not isinstance(news := self._news.popleft(), Batch):
                 self._news.append(news)
-        self._taken, self._full = self._given, 0
+        self._taken, self._full = self._given if self._full else self._taken, 0
 
     def stop(self) -> None:
         """Ask the thread to end."""
