@@ -28,7 +28,7 @@ from tests.support.house import (
 PACKAGE = Path(cw.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-MOST_FILES, MOST_LINES = 281, 46_250
+MOST_FILES, MOST_LINES = 281, 46_295
 """A ratchet: lowered when the package shrinks; raised from 125 and 21,050, from 168 and 27,000, and from 175 and 28,900
 for live/ and lab/, from 244 and 37,300 for creep in recordings, the rig as a source, and what a pose that is off may
 be, from 247 and 37,752 for what a page and a chunk unpack to, and for arms that move, from 266 and 40,411 for live
@@ -52,7 +52,8 @@ devices of another hand send, and from 45,600 for times of another unit and colu
 for matrices in HDF5, and errors of the robot's orientation at up to a hundred poses in less time, and from 276 and
 45,493 for gravity that is stated beside an earlier calibration's, what a bad fit or a failed check is due to, rows of
 means, queues when a clock begins, second senders, and what boxes' counts and times cannot be, and from 277 and
-45,807 for what a session waits for before it begins, sensors behind a robot's own server, and slow devices (changelog).
+45,807 for what a session waits for before it begins, sensors behind a robot's own server, slow
+devices, queues behind a gap, and what is not the device that it was (changelog).
 """
 MOST_AT_ROOT, MOST_FOLDERS = 8, 13
 MOST_LINES_OF_FILE = 300
