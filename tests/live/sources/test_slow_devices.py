@@ -14,6 +14,7 @@ from contactwrench.lab.ft300 import Ft300
 from contactwrench.lab.netft import NetFt
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.ur import Ur
+from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch
 from contactwrench.live.sources import transport
 from contactwrench.live.sources.ft300 import OLD, Ft300Decoder
@@ -101,6 +102,19 @@ def test_to_connect_is_tried_again(lost: int, monkeypatch: pytest.MonkeyPatch) -
             assert source.open().wrench
         source.close()
     assert len(tried) == min(lost + 1, 3)
+
+
+def test_a_gateway_to_a_serial_line_gives_what_that_can() -> None:
+    """The sensor has no other: 44 of the 100 samples a second that it was asked for were another rate, and refused."""
+    with Ft300(numbered()) as fake:
+        fake.late(0.022)
+        source = source_of(fake.uri)
+        about, early = probed(source, wrench=True, orientation=False)
+        early.add(read(source, 1.0))
+        source.close()
+    assert about.rate is None
+    assert 20 < len(early.samples) < 60
+    assert not any(sample.flaw for sample in early.samples)
 
 
 def answer(number: int) -> bytes:

@@ -101,8 +101,8 @@ class Ft300(Reader[Tcp | Serial]):
     """The sensor. It has no counter and no status: a sample that it repeats is not seen."""
 
     FORM = "ft300://HOST[:502] or ft300:///dev/ttyUSB0"
-    ABOUT = "Robotiq FT 300: wrench; 100 Hz by Modbus TCP, about 50 Hz by a serial line"
-    RATE = "100 Hz (serial: about 50 Hz)"
+    ABOUT = "Robotiq FT 300: wrench; by a serial line, or by Modbus TCP through a gateway to one"
+    RATE = "as the line can, about 50 Hz; at most 100 Hz"
     TESTED = "its fake in the lab; no sensor, and no serial line"
 
     def __init__(self, uri: Uri) -> None:
@@ -125,8 +125,8 @@ class Ft300(Reader[Tcp | Serial]):
         self._answers = Ft300Decoder(bool(self._path))
         self._begin(self._answers)
         self._first(deadline, lambda: self._link.silent("six Modbus registers from 180 on"))
-        rate = None if self._path else RATE  # what a serial line can is its own
-        return About("Robotiq FT 300", wrench=True, orientation=False, rate=rate, ranges=RANGES, settings=settings)
+        # no rate: what a serial line can, behind Modbus TCP too, is its own
+        return About("Robotiq FT 300", wrench=True, orientation=False, ranges=RANGES, settings=settings)
 
     def _stream_ended(self, deadline: Deadline) -> dict[str, str]:
         """End the stream in which another program has left the sensor; what is to be said of that."""
