@@ -18,7 +18,7 @@ from contactwrench.lab.sri import Sri
 from contactwrench.live import devices
 from contactwrench.live.page import Hub
 from contactwrench.live.pump import WAITING, Reader
-from contactwrench.live.source import About, Batch, Sample
+from contactwrench.live.source import About, Batch, NobodyYetError, Sample
 from tests.support.chain import calibration
 from tests.support.devices import free_port
 from tests.support.recordings import run
@@ -178,6 +178,26 @@ def test_more_than_can_be_taken_while_something_else_was_waited_for_is_let_go(ca
     assert reader.news() == [source.open(), *([early, Batch(early.samples[:3])] if came == 5 else [])]
     reader._put(early)
     assert reader.news() == [early]
+
+
+def test_a_source_that_is_waited_for_is_closed_before_it_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A topic that nobody publishes yet left a node at each attempt."""
+    source, said, opened = Sends(at(100.0)), list[str](), list[int]()
+    answers = [NobodyYetError("first"), NobodyYetError("second"), None]
+
+    def opens() -> About:
+        opened.append(1)
+        if (error := answers.pop(0)) is not None:
+            raise error
+        return About("a sensor", wrench=True, orientation=False)
+
+    monkeypatch.setattr(source, "open", opens)
+    monkeypatch.setattr(source, "close", lambda: opened.append(-1))
+    devices.probed(source, wrench=True, orientation=False, say=said.append)
+    assert (opened, said) == ([1, -1, 1, -1, 1], ["first"])
+    answers.append(NobodyYetError("third"))
+    with pytest.raises(NobodyYetError, match="third"):
+        devices.probed(source, wrench=True, orientation=False)
 
 
 def test_nothing_is_said_where_all_is_there(

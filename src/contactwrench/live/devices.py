@@ -65,6 +65,7 @@ def _opened(source: Source, say: Callable[[str], None] | None) -> About:
         try:
             return source.open()
         except NobodyYetError as error:
+            source.close()
             if say is None:
                 raise
             if not said:
