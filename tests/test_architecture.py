@@ -28,7 +28,7 @@ from tests.support.house import (
 PACKAGE = Path(cw.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-MOST_FILES, MOST_LINES = 281, 46_295
+MOST_FILES, MOST_LINES = 281, 46_300
 """A ratchet: lowered when the package shrinks; raised from 125 and 21,050, from 168 and 27,000, and from 175 and 28,900
 for live/ and lab/, from 244 and 37,300 for creep in recordings, the rig as a source, and what a pose that is off may
 be, from 247 and 37,752 for what a page and a chunk unpack to, and for arms that move, from 266 and 40,411 for live
