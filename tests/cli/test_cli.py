@@ -230,7 +230,7 @@ USAGE = [
     ),
     (
         ["lab", "--sensor", "foo"],
-        "Invalid value for '--sensor': found 'foo', expected one of 'sri', 'netft', 'ft300', 'lines': try "
+        "Invalid value for '--sensor': found 'foo', expected one of 'sri', 'netft', 'ft300', 'robotiq', 'lines': try "
         "'contactwrench lab --help'",
     ),
     (["verify", PANDA], "Missing option '--calibration' / '-c': try 'contactwrench verify --help'"),

@@ -68,7 +68,7 @@ class _StartedError(Exception):
     """Raised where the program would wait for Ctrl-C."""
 
 
-@pytest.mark.parametrize("pair", [("netft", "rsi"), ("ft300", "lines"), ("lines", "ur")])
+@pytest.mark.parametrize("pair", [("netft", "rsi"), ("ft300", "lines"), ("robotiq", "ur"), ("lines", "ur")])
 def test_every_pair_starts_at_the_ports_that_are_asked_for(
     pair: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import json
+import threading
 from collections.abc import Iterable
 from pathlib import Path
 from threading import Event
 
 import pytest
 
+from contactwrench.cli.live_before import COMPILES
 from contactwrench.errors import InputError
+from contactwrench.lab.rsi import Rsi
+from contactwrench.lab.signals import Plain
+from contactwrench.lab.sri import Sri
 from contactwrench.live import devices
-from contactwrench.live.source import About, Batch, Sample
+from contactwrench.live.page import Hub
+from contactwrench.live.pump import WAITING, Reader
+from contactwrench.live.source import About, Batch, NobodyYetError, Sample
 from tests.support.chain import calibration
 from tests.support.devices import free_port
 from tests.support.recordings import run
@@ -84,14 +92,16 @@ def test_what_is_not_there_is_said_while_the_step_is_compiled(
 ) -> None:
     """That takes ten seconds the first time."""
     compiled = Event()
-    monkeypatch.setattr("contactwrench.cli.live._compiled", lambda _: compiled.wait())
-    monkeypatch.setattr("contactwrench.cli.live.LOADED", 0.01)
+    monkeypatch.setattr("contactwrench.cli.live_before.compiled", lambda _: compiled.wait())
+    monkeypatch.setattr("contactwrench.cli.live_before.LOADED", 0.01)
     calibration().save(tmp_path / "cal.json")
     uri = f"tcp://127.0.0.1:{free_port()}"
     done = run(capsys, "live", "--sensor", uri, "-c", tmp_path / "cal.json", "--no-page")
     compiled.set()
     assert done.status == 2
-    assert done.err.startswith(f"contactwrench: {uri}: found nobody listening at 127.0.0.1 port ")
+    said, refused, _ = done.err.split("\n")
+    assert said.endswith(f"  {COMPILES}")
+    assert refused.startswith(f"contactwrench: {uri}: found nobody listening at 127.0.0.1 port ")
 
 
 def advice(uri: str, form: str, monkeypatch: pytest.MonkeyPatch) -> str:
@@ -110,3 +120,93 @@ def test_another_rate_is_asked_for_beside_all_else_that_was(monkeypatch: pytest.
 
 def test_no_rate_is_asked_of_what_takes_none(monkeypatch: pytest.MonkeyPatch) -> None:
     assert advice("netft://x", "netft://HOST[?http=80]", monkeypatch) == "set that rate in the device"
+
+
+def test_compiling_and_waiting_are_events_and_on_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before the session: else a service, which has no terminal, looks hung; and nobody starts the robot's program."""
+    step, shown = Event(), []
+
+    def seen(hub: Hub, snapshot: bytes) -> None:
+        shown.append(json.loads(snapshot))
+
+    monkeypatch.setattr("contactwrench.cli.live_before.compiled", lambda _: step.wait())
+    monkeypatch.setattr("contactwrench.cli.live_before.LOADED", 0.01)
+    monkeypatch.setattr("contactwrench.cli.live_before.EVERY", 0.02)
+    monkeypatch.setattr("contactwrench.live.sources.rsi.LISTENS", 0.3)
+    monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: None)
+    monkeypatch.setattr(Hub, "publish", seen)
+    calibration().save(tmp_path / "cal.json")
+    port = free_port()
+    with Sri(Plain()) as box, Rsi(Plain(), ("127.0.0.1", port)) as robot:
+        robot.silence(4.0)
+        threading.Timer(5.0, step.set).start()
+        arguments = ("--sensor", box.uri, "--robot", robot.uri, "-c", tmp_path / "cal.json", "--events")
+        done = run(capsys, "live", *arguments)
+    assert (done.status, done.err) == (0, "")
+    *events, page = sorted(done.out.splitlines(), key=lambda line: not line.startswith("{"))
+    assert page.startswith("Open http://127.0.0.1:")
+    said = [json.loads(line) for line in events]
+    assert [(each["kind"], each["severity"], each["device"], each["text"]) for each in said] == [
+        ("compiling", "note", "", COMPILES),
+        (
+            "waiting",
+            "note",
+            robot.uri,
+            f"{robot.uri}: found port {port} open and nobody who sends yet, expected the robot's RSI datagrams: start "
+            "the program with RSI_MOVECORR on the robot",
+        ),
+    ]
+    assert {each["phase"] for each in shown} == {"connect"}
+    assert [each["state"] for each in shown[-1]["devices"]] == ["connecting", "connecting"]
+    assert shown[-1]["events"] == said
+    assert shown[-1]["commands"] == []
+    assert shown[-1]["t"] - said[0]["t"] > 1.5
+
+
+@pytest.mark.parametrize("came", [5, WAITING])
+def test_more_than_can_be_taken_while_something_else_was_waited_for_is_let_go(came: int) -> None:
+    """It is old, and of a minute at 1 kHz two thirds cannot be kept: they were said to be lost. What fits, is kept."""
+    source = Sends([])
+    early = Batch([Sample(0.0, wrench=(0.0,) * 6)] * came)
+    reader = Reader(source, source.open(), early)
+    reader.stop()
+    reader.join()
+    reader._put(Batch(early.samples[:3]))
+    reader.forget()
+    assert reader.news() == [source.open(), *([early, Batch(early.samples[:3])] if came == 5 else [])]
+    reader._put(early)
+    assert reader.news() == [early]
+
+
+def test_a_source_that_is_waited_for_is_closed_before_it_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A topic that nobody publishes yet left a node at each attempt."""
+    source, said, opened = Sends(at(100.0)), list[str](), list[int]()
+    answers = [NobodyYetError("first"), NobodyYetError("second"), None]
+
+    def opens() -> About:
+        opened.append(1)
+        if (error := answers.pop(0)) is not None:
+            raise error
+        return About("a sensor", wrench=True, orientation=False)
+
+    monkeypatch.setattr(source, "open", opens)
+    monkeypatch.setattr(source, "close", lambda: opened.append(-1))
+    devices.probed(source, wrench=True, orientation=False, say=said.append)
+    assert (opened, said) == ([1, -1, 1, -1, 1], ["first"])
+    answers.append(NobodyYetError("third"))
+    with pytest.raises(NobodyYetError, match="third"):
+        devices.probed(source, wrench=True, orientation=False)
+
+
+def test_nothing_is_said_where_all_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: None)
+    monkeypatch.setattr("contactwrench.cli.live_before.compiled", lambda _: None)
+    calibration().save(tmp_path / "cal.json")
+    with Sri(Plain()) as box, Rsi(Plain(), ("127.0.0.1", free_port())) as robot:
+        arguments = ("--sensor", box.uri, "--robot", robot.uri, "-c", tmp_path / "cal.json", "--events", "--no-page")
+        done = run(capsys, "live", *arguments)
+    assert (done.status, done.out, done.err) == (0, "", "")

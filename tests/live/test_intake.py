@@ -8,9 +8,10 @@ from itertools import pairwise
 import pytest
 
 from contactwrench.live.clock import LATE
-from contactwrench.live.intake import Intake
+from contactwrench.live.counter import Counter
+from contactwrench.live.intake import NEVER_KNOWN, UNKNOWN, Intake
 from contactwrench.live.snapshot import Event
-from contactwrench.live.source import About, Batch, Sample
+from contactwrench.live.source import About, Batch, NoteKind, Sample
 
 
 def said(asked: float, *spans: tuple[float, float], burst: float = 0.0) -> list[Event]:
@@ -107,3 +108,41 @@ def test_behind_a_gap_what_has_no_time_of_its_own_may_be_old(rate: float, anew: 
     assert len(old) < len(late)
     assert 2.0 <= min(late) <= max(late) < 2.01 + LATE
     assert {flaw.partition(" s ")[2] for t, flaw in flaws.items() if flaw} == {"before it, and no time of its own"}
+
+
+def begun_anew(every: float, counts: bool) -> tuple[list[Event], list[str]]:
+    """What is said in three seconds of a device of 250 Hz whose count, or clock, begins anew so often, and the flaws of
+    its samples.
+    """
+    intake, counter, events, flaws = Intake("x://sensor", "sensor"), Counter(0.004), list[Event](), list[str]()
+    intake.opened(About("a sensor", wrench=True, orientation=False), 0.0)
+    for k in range(750):
+        batch, row, t = Batch(), k % round(250 * every), 0.004 * k
+        device = counter.take(row, t, batch) if counts else 0.004 * row
+        if device is not None:
+            batch.samples.append(Sample(t, device, wrench=(0.0,) * 6))
+        flaws += [sample.flaw for _, sample in intake.take(batch)]
+        events += intake.look(t)
+    return events, flaws
+
+
+@pytest.mark.parametrize("counts", [True, False])
+def test_a_count_that_begins_anew_on_and_on_is_named(counts: bool) -> None:
+    """No time of it is ever known, and so no sample of it used: it is to be said what to do."""
+    events, flaws = begun_anew(0.04, counts)
+    assert set(flaws) == {UNKNOWN, NEVER_KNOWN}
+    assert set(flaws[60:]) == {NEVER_KNOWN}
+    late = [event for event in events if event.kind == NoteKind.LATE]
+    assert late
+    assert late[0].t < 0.6
+    assert all(event.text.startswith(NEVER_KNOWN) for event in late)
+    assert NEVER_KNOWN == (
+        "late: its count or clock begins anew on and on, no time of it is known: let it go on, or leave it out"
+    )
+
+
+@pytest.mark.parametrize("counts", [True, False])
+def test_a_device_that_begins_anew_now_and_then_is_in_step_again(counts: bool) -> None:
+    _, flaws = begun_anew(0.7, counts)
+    assert set(flaws) == {"", UNKNOWN}
+    assert flaws.count(UNKNOWN) < 80

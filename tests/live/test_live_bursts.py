@@ -109,3 +109,39 @@ def test_a_sensor_without_a_time_in_bursts_becomes_valid() -> None:
         assert chain.wrong(0) == []
     said = [event.text for event in chain.events if event.kind == "bursts"]
     assert re.fullmatch(rf"samples come in bursts, \d+ ms from one to the next: {SPREAD}{TOLD}", said[0])
+
+
+def behind_a_gap(came: list[float], true: list[float], rate: float) -> list[tuple[float, float]]:
+    """Of samples without a time of their own that are used: when each was taken, and the time that it was given, s."""
+    intake = Intake("tcp://sensor", "sensor")
+    intake.opened(About("a sensor", wrench=True, orientation=False), 0.0)
+    used = list[tuple[float, float]]()
+    for arrival, taken in zip(came, true, strict=True):
+        batch = Batch([Sample(arrival, wrench=(taken, 0.0, 0.0, 0.0, 0.0, 0.0))])
+        used += [(sample.wrench[0], t) for t, sample in intake.take(batch) if sample.wrench and not sample.flaw]
+        intake.look(arrival)
+    return [each for each in used if each[0] > 100.0 / rate]
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 1000.0])
+@pytest.mark.parametrize("pace", [1.25, 1.5, 2.0, 5.0, 50.0])
+def test_a_queue_that_comes_slowly_behind_a_gap_is_not_of_now(pace: float, rate: float) -> None:
+    """What was held up for half a second, and then comes at some times its pace, is half a second old at first."""
+    true, came, free = [k / rate for k in range(int(10.0 * rate))], [], 0.0
+    for t in true:
+        free = max(t, free, 4.5 if t > 4.0 else 0.0) + 1.0 / (pace * rate)
+        came.append(free)
+    used = behind_a_gap(came, true, rate)
+    assert max(t - taken for taken, t in used) < 0.02 + 1.0 / rate
+    assert sum(taken > 7.2 for taken, _ in used) == sum(taken > 7.2 for taken in true)
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 1000.0])
+def test_behind_a_gap_in_which_all_was_lost_samples_are_soon_used(rate: float) -> None:
+    rng = np.random.default_rng(1)
+    true = [k / rate for k in range(int(10.0 * rate)) if not 4.0 < k / rate < 4.5]
+    came = np.maximum.accumulate(np.array(true) + 0.3 / rate * rng.random(len(true))).tolist()
+    used = [taken for taken, _ in behind_a_gap(came, true, rate)]
+    wait = max(0.05, 10.0 / rate) + 2.0 / rate
+    assert min(taken for taken in used if taken > 4.4) < 4.5 + wait
+    assert sum(taken > 4.5 + wait for taken in used) == sum(taken > 4.5 + wait for taken in true)

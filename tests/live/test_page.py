@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactwrench.live.page import Ask, Hub, Server, serve
-from contactwrench.live.snapshot import Command, Event, Phase, Snapshot
+from contactwrench.live.snapshot import Command, Device, Event, Phase, Snapshot
 from tests.support.live_session import T0, UGLY, Played, played, quaternions, snapshot
 
 CHROMIUM = "/usr/bin/chromium"
@@ -281,3 +281,13 @@ def test_who_wants_no_motion_gets_two_frames_a_second(browser: Any) -> None:
         page.wait_for_timeout(1000)
         assert 1 <= page.evaluate("window.seen") <= 3
     server.close()
+
+
+@pytest.mark.parametrize("kind", ["compiling", "waiting"])
+def test_what_is_waited_for_before_a_session_is_the_instruction(browser: Any, kind: str) -> None:
+    connecting = Device("udp://:9000", "sensor and robot", "", "connecting", "", None, None, 0, 0, 0, 0, None, None)
+    before = Event(T0, kind, "note", "what is waited for")
+    now = msgspec.structs.replace(snapshot(Phase.CONNECT), devices=(connecting,), commands=(), events=(before,))
+    with showing(now) as (_, server), opened(browser, server.url) as page:
+        assert seen(page, "#instruction", "The session begins soon.")
+        assert seen(page, "main", "what is waited for")

@@ -355,3 +355,19 @@ def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_host_that_can_be_none_is_said_in_one_line() -> None:
     with pytest.raises(DeviceError, match=r"^a\.\.b:0: found that it cannot be listened on .*: choose another$"):
         serve(Hub(), "a..b")
+
+
+def test_a_name_that_has_an_address_of_ipv6_alone_is_listened_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = socket.getaddrinfo
+
+    def only_there(host: str, *given: Any, **named: Any) -> Any:
+        return known("::1" if host == "box" else host, *given, **named)
+
+    monkeypatch.setattr(socket, "getaddrinfo", only_there)
+    server = serve(Hub(), "box")
+    connection = http.client.HTTPConnection("::1", _port(server), timeout=20)
+    url = urlsplit(server.url)
+    connection.request("GET", f"/?{url.query}", headers={"Host": url.netloc})
+    assert (url.hostname, connection.getresponse().status) == ("box", 200)
+    connection.close()
+    server.close()

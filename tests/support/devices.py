@@ -13,6 +13,7 @@ from typing import Any
 from contactwrench.lab.ft300 import Ft300
 from contactwrench.lab.lines import TcpLines, UdpLines
 from contactwrench.lab.netft import SATURATED, NetFt
+from contactwrench.lab.robotiq import Robotiq
 from contactwrench.lab.rsi import Rsi
 from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
@@ -60,6 +61,7 @@ KINDS = {
     "netft": Kind(lambda **more: NetFt(numbered(), **more), "", 1_000.0, datagrams=True, bad_status=SATURATED),
     "rsi": Kind(lambda **more: Rsi(numbered(), _target(), **more), connects=False, datagrams=True, numbered=False),
     "ft300": Kind(lambda **more: Ft300(numbered(), **more), rate=100.0, counts=False, numbered=False),
+    "robotiq": Kind(lambda **more: Robotiq(numbered(), **more), rate=100.0, counts=False),
     "udp": Kind(lambda **more: UdpLines(numbered(), _target(), **more), "?rate=250", connects=False, datagrams=True),
     "tcp": Kind(lambda **more: TcpLines(numbered(), form="csv", **more), "?rate=250"),
 }

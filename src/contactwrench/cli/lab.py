@@ -39,7 +39,9 @@ LOOK, ENDS_IN = 0.1, 15.0
 
 
 def lab(
-    sensor: Annotated[Literal["sri", "netft", "ft300", "lines"], typer.Option(help="The sensor's protocol.")] = "sri",
+    sensor: Annotated[
+        Literal["sri", "netft", "ft300", "robotiq", "lines"], typer.Option(help="The sensor's protocol.")
+    ] = "sri",
     robot: Annotated[Literal["ur", "rsi", "lines"], typer.Option(help="The robot's protocol.")] = "ur",
     live: Annotated[
         bool, typer.Option("--live", help="Start `contactwrench live` on it too, and end with it.")
@@ -81,12 +83,13 @@ def lab(
 
 
 def _sensor(kind: str, signal: Signal, ports: list[int]) -> Fake:
-    from ..lab import ft300, lines, netft, sri
+    from ..lab import ft300, lines, netft, robotiq, sri
 
     made: dict[str, Callable[[], Fake]] = {
         "sri": lambda: sri.Sri(signal, port=ports[0]),
         "netft": lambda: netft.NetFt(signal, port=ports[0], http_port=ports[1]),
         "ft300": lambda: ft300.Ft300(signal, port=ports[0]),
+        "robotiq": lambda: robotiq.Robotiq(signal, port=ports[0]),
         "lines": lambda: lines.TcpLines(signal, shows="wrench", port=ports[0]),
     }
     return made[kind]()

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import time
 from contextlib import ExitStack
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -28,16 +25,14 @@ if TYPE_CHECKING:
     from ..calibration.calibration import Calibration
     from ..live.page import Hub
     from ..live.pump import Pump, Reader
-    from ..live.snapshot import Event as Said
     from ..live.source import About, Source
     from ..live.wizard import Wish
+    from .live_before import Before
 
 WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-5
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
-LOOK, LOADED = 0.1, 2.0
-"""s from one look for a signal to the next; and in which a step that was compiled before is there: where that takes
-longer the devices are looked at meanwhile, as what is wrong with them is to be said at once.
-"""
+LOOK = 0.1
+"""s from one look for a signal to the next."""
 HOST_AND_PORT, MOST_PORT = "HOST:PORT", 65_535
 
 
@@ -101,6 +96,7 @@ def live(
     from ..live.sink import open_sink
     from ..live.sinks.recorder import Recorder
     from ..live.uri import sink_of
+    from .live_before import LOADED, Before, say
     from .live_lab import Hands
 
     refuse(
@@ -125,15 +121,18 @@ def live(
     hub = Hub()
     hands = None if lab is None else Hands(lab, hub)
     sys.setswitchinterval(SWITCH)
-    compiles = None if known is None else _compiling(LOADED)  # before anything comes that could not be taken meanwhile
+    words = events, wizard or not events
     with ExitStack() as stack:
         first = recorded is None and _before_others()
         if first:
             stack.callback(_as_others)
-        readers = {role: _read(source, role, len(sources) == 1, stack) for role, source in sources.items()}
+        serves, aside = partial(serve, hub, host, port, lab=hands) if page else None, _as_others if first else None
+        before = stack.enter_context(Before(words, sources, hub, serves, aside))
+        if known is not None:
+            before.compile(LOADED)  # before anything comes that could not be taken meanwhile
+        readers = {role: _read(source, role, len(sources) == 1, stack, before) for role, source in sources.items()}
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
-        if compiles is not None:
-            compiles.join()
+        before.compiled()
         if known is not None and not at_sensor.replay:
             require_devices(known, str(calibration), at_sensor, at_arm)
         session = Session(
@@ -145,19 +144,15 @@ def live(
             save=_saving(output, at_sensor, at_arm, force),
             save_accepted=output is not None,
         )
-        server = serve(hub, host, port, lab=hands) if page else None  # before a file is begun
-        if server is not None:
-            stack.callback(server.close)
+        before.serve()  # before a file is begun
         opened = partial(open_sink, patient=speed == 0.0)
         outlets, keeper = tuple(map(opened, sinks)), None if recorder is None else opened(recorder)
         session.recording = None if record is None else True
         if known is None:
-            _compiling(0.0, first)  # while a person is at the wizard
-        publish, say = hub.publish if page or wizard else None, partial(_say, events, wizard or not events)
-        pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, keeper))
-        if server is not None:
-            options.say(f"Open {server.url}")
-            sys.stdout.flush()
+            before.compile(0.0)  # while a person is at the wizard
+        publish = hub.publish if page or wizard else None
+        pump = Pump(session, readers, Ways(publish, partial(say, *words), hub.commands, outlets, keeper))
+        before.end(readers.values())
         _until_a_signal(pump, hub if wizard else None, page, "" if recorded is None else f"the end of {recorded} or ")
 
 
@@ -188,12 +183,13 @@ def _as_others() -> None:
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-def _read(source: Source, role: str, alone: bool, stack: ExitStack) -> Reader:
+def _read(source: Source, role: str, alone: bool, stack: ExitStack, before: Before) -> Reader:
     from ..live.devices import probed
     from ..live.pump import Reader
 
     stack.callback(source.close)
-    reader = Reader(source, *probed(source, wrench=role == "sensor", orientation=alone or role == "robot"))
+    waits = partial(before.tell, "waiting", device=source.uri)
+    reader = Reader(source, *probed(source, wrench=role == "sensor", orientation=alone or role == "robot", say=waits))
     stack.callback(reader.join)
     stack.callback(reader.stop)  # the last goes first
     return reader
@@ -244,13 +240,14 @@ def _saving(output: Path | None, sensor: About, robot: About, force: bool) -> Ca
 
 def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool, end: str) -> None:
     """Run until Ctrl-C, a signal, or the end of a recording that no page shows; then end in order, by that signal."""
+    from .live_before import settle
     from .live_terminal import Terminal
 
     with caught() as came:
         guide = None if terminal is None else Terminal(terminal)
         if not (page or terminal):
             options.say(f"Running until {end}Ctrl-C.", err=True)
-        _settle()
+        settle()
         try:
             pump.start()
             while not came and (page or not pump.wait(0.0)) and pump.failure is None:
@@ -261,39 +258,3 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool, end: str) -> N
             pump.close()
         if pump.failure is not None:
             raise pump.failure
-
-
-def _compiling(seconds: float, aside: bool = False) -> Thread:
-    """What compiles the step, given so many s before anything else is done."""
-    thread = Thread(target=_compiled, args=(aside,), name="compiles", daemon=True)
-    thread.start()
-    thread.join(seconds)
-    return thread
-
-
-def _compiled(aside: bool) -> None:
-    from ..compensate.runner import compiled
-
-    if aside:
-        _as_others()
-    if find_spec("numba") is not None:
-        compiled()
-        _settle()
-
-
-def _settle() -> None:
-    """Leave what was imported alone: looking it through for garbage stops all threads for a tenth of a second."""
-    gc.collect()
-    gc.freeze()
-
-
-def _say(as_json: bool, in_words: bool, said: Said) -> None:
-    import msgspec
-
-    if as_json:
-        typer.echo(options.visible_lines(msgspec.json.encode(said).decode()))
-        sys.stdout.flush()
-    if in_words:
-        where = f"{said.device}: " if said.device and not said.text.startswith(said.device) else ""
-        when = time.strftime("%H:%M:%S", time.localtime(said.t))
-        options.say(f"{when}  {'' if said.severity == 'note' else said.severity + ': '}{where}{said.text}", err=True)

@@ -63,6 +63,10 @@ class NetFt(UdpFake):
         """What a listener is given; the page's port where it is not the usual one."""
         return f"{super().uri}?http={self.http_port}"
 
+    def set_counts(self, counts: tuple[float, float]) -> None:
+        """Change on its page what a count is worth."""
+        self._counts, self._scale = counts, np.repeat(counts, 3)
+
     def _open(self) -> None:
         super()._open()
         self._http = socket.create_server((self.host, self.http_port))

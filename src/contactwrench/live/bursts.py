@@ -1,5 +1,5 @@
-"""Samples that come many at a time, as from a buffer that is emptied ten times a second: how long a burst is, and when
-each of its samples was taken.
+"""Samples that come many at a time: as from a buffer that is emptied ten times a second, how long a burst is, and when
+each of its samples was taken; and behind a gap, whether they waited in it.
 """
 
 from __future__ import annotations
@@ -19,6 +19,43 @@ SHORT = 0.5
 """Of the time from burst to burst, that the samples of one come within: those of a slow stream come all of the time."""
 REGULAR = 0.25
 """Part by which the time from burst to burst, and their samples, may be off: a stall of the network is off by more."""
+
+
+GAP, SOME, FASTER = 3.0, 10, 1.05
+"""Periods without a sample, and `LATE` at the least, behind which one that has no time of its own may have been taken
+before the gap, and waited. So it is for `LATE`, and until as much has come early as can have waited, or for `SOME`
+periods no more than was taken meanwhile, by this factor and one: a network that was held up brought a queue of half a
+second in one or two, and each sample of it was taken for one of now. At 1.12 times its pace none is told.
+"""
+
+
+class Waited:
+    """Of a stream without a time of its own: whether its samples waited."""
+
+    def __init__(self) -> None:
+        self._arrived, self._begin, self._usual = -inf, -inf, inf
+        self._gap = self._queued = 0.0
+        self._came = 0
+
+    def took(self, arrival: float, usual: float) -> float:
+        """How long the gap was, s, in which a sample may have waited, that came where they come every `usual` s; 0:
+        it did not.
+        """
+        gap, self._arrived = arrival - self._arrived, arrival
+        if max(LATE, GAP * usual) < gap < inf:
+            self._gap, self._usual, self._begin, self._came = gap, usual, arrival, 0
+            self._queued = gap - usual
+        elif self._gap and (passed := arrival - self._begin) >= LATE:
+            came_early = self._came * self._usual - passed
+            if came_early >= self._queued - 0.5 * self._usual:  # all of it has come
+                self._gap = 0.0
+            elif passed >= SOME * self._usual:
+                if came_early < (FASTER - 1.0) * passed + self._usual:  # there was none
+                    self._gap = 0.0
+                self._queued -= came_early
+                self._begin, self._came = arrival, 0
+        self._came += 1
+        return self._gap
 
 
 class Bursts:

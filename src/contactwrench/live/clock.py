@@ -31,11 +31,21 @@ FALLS = 2.0
 """s of falling: so long no queue is read, but a recording at twice its pace, or a clock that is fast by a twentieth."""
 
 
+AGAIN, OFTEN = 0.5, 5
+"""s from one beginning to the next, and how many in a row, that are no restart of a device: its clock never goes on."""
+
+
 class Clock:
     """Turns (arrival, device's time) of one device, in order, into times of arrival without the network's jitter."""
 
     def __init__(self) -> None:
+        self._began, self._beginnings = -inf, 0
         self.reset()
+
+    @property
+    def begins_on_and_on(self) -> bool:
+        """Whether it begins anew again and again, so that no time of it lasts."""
+        return self._beginnings >= OFTEN
 
     def reset(self) -> None:
         """The device's clock began anew."""
@@ -69,11 +79,13 @@ class Clock:
     ) -> Iterator[Sequence[tuple[float, float]]]:
         """The stamps, parted where the device began anew."""
         begin, latest = 0, self._device
-        for k, (_, device) in enumerate(stamps):
+        for k, (arrival, device) in enumerate(stamps):
             if device < latest or k in anew:
                 yield stamps[begin:k]
                 self.reset()
                 begin = k
+                self._beginnings = self._beginnings + 1 if arrival - self._began < AGAIN else 1
+                self._began = arrival
             latest = latest if isnan(device) else device
         yield stamps[begin:]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..model import AXES
 from .intake import Windows
-from .source import About, Batch, EndOfStreamError, Source, now
+from .source import About, Batch, DeviceError, EndOfStreamError, NobodyYetError, Source, now
 
 PROBE, COUNTED = (0.7, 0.2), 2
 """s of a window, and the part by which two of them are to be off, and how often that is to be counted: what is held up
@@ -21,12 +22,23 @@ LEAST_RATE, SILENCE = 10.0, 1.5
 """Hz: what comes more rarely takes too long to count before a session; and s without a sample, which is no rate."""
 LOOK = 0.1
 """s that a read waits."""
+SAME = 0.01
+"""Part by which a rate is another one."""
 OF_DEVICE = {"sensor": "live_sensor", "robot": "live_robot"}
 """Where a calibration has the name of each."""
 
 
-def probed(source: Source, *, wrench: bool, orientation: bool) -> tuple[About, Batch]:
+def probed(
+    source: Source, *, wrench: bool, orientation: bool, say: Callable[[str], None] | None = None
+) -> tuple[About, Batch]:
     """Open a source, and make sure that it gives what is wanted as fast as it was asked to.
+
+    Args:
+        source: not open.
+        wrench: whether it is to give wrenches.
+        orientation: whether it is to give orientations.
+        say: is told once what is waited for, of a source to which nobody sends yet, for as long as it takes; None: it
+            is not waited for.
 
     Returns:
         What it says of itself, and what came meanwhile.
@@ -35,7 +47,7 @@ def probed(source: Source, *, wrench: bool, orientation: bool) -> tuple[About, B
         DeviceError: it does not answer, or is another device.
         InputError: it gives something else, or at another rate.
     """
-    about = source.open()
+    about = _opened(source, say)
     try:
         asked = (wrench, about.wrench, "wrench"), (orientation, about.orientation, "orientation of the flange")
         for wanted, given, what in asked:
@@ -45,6 +57,20 @@ def probed(source: Source, *, wrench: bool, orientation: bool) -> tuple[About, B
     except BaseException:
         source.close()
         raise
+
+
+def _opened(source: Source, say: Callable[[str], None] | None) -> About:
+    said = False
+    while True:
+        try:
+            return source.open()
+        except NobodyYetError as error:
+            source.close()
+            if say is None:
+                raise
+            if not said:
+                say(str(error))
+            said = True
 
 
 def _at_its_rate(source: Source, about: About) -> Batch:
@@ -85,6 +111,20 @@ def with_devices(calibration: Calibration, sensor: About, robot: About) -> Calib
 def _kind(name: str) -> str:
     """Of a device, without the version of its program, and without the port at which lines come."""
     return name.partition(", ")[0].partition("://")[0]
+
+
+def require_same(uri: str, before: About, about: About) -> None:
+    """Raise `DeviceError` where a device that is connected to again is of another kind, or gives its wrenches at
+    another rate, by which they are filtered.
+    """
+    found, expected = "", ""
+    if _kind(about.name) != _kind(before.name):
+        found, expected = about.name, before.name
+    elif about.wrench and about.rate and before.rate and abs(about.rate / before.rate - 1.0) > SAME:
+        found, expected = f"{about.rate:.4g} samples a second", f"{before.rate:.4g}"
+    if found:
+        do = "connect that again, or begin a new session"
+        raise DeviceError(f"{uri}: found {found}, expected {expected}, as when the session began: {do}")
 
 
 def require_devices(calibration: Calibration, name: str, sensor: About, robot: About) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..samples.samples import LARGEST_READING
-from .bursts import Bursts
+from .bursts import Bursts, Waited
 from .clock import LATE, Clock
 from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
@@ -26,10 +26,6 @@ LOOK_EVERY = 0.02
 """s from one look at the device to the next: of the 130 us of a turn with one sample two looks were 22."""
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
-GAP = 3.0
-"""Periods without a sample, and `LATE` at the least, behind which, for `LATE`, one that has no time of its own may have
-been taken before the gap, and waited: its arrival is no time then.
-"""
 LEAST_STEP, BEHIND = 1e-6, 1e-4
 """s from one sample to the next: time goes on; and s by which one may lie before the last one, all the same: behind
 more the last one came so late that the time of neither is known.
@@ -38,6 +34,8 @@ SURELY, SOON = (0.5, 0.1), (0.12, 0.3)
 """s of a window, and the part by which two of them are to be off: a rate that is far off is not waited for longer."""
 FEWEST = 10
 """Samples that are to come in a window, which is longer for a slow device: one more or less makes no other rate."""
+REASONS = 4
+"""For which a device is not there, that are said until it is: refused first, it may then be another one."""
 RIGHT = 0.5
 """Of the part by which a rate is off: within it, it is right again. One at the limit is not said over and over so."""
 
@@ -47,6 +45,7 @@ NOTHING = (0.0,)
 
 AMONG = "late: those before it came so late that its time lies among theirs"
 UNKNOWN = "late: its clock is not known yet, what waited may still come"
+NEVER_KNOWN = "late: its count or clock begins anew on and on, no time of it is known: let it go on, or leave it out"
 
 CONNECTING, STREAMING, QUIET, DOWN = "connecting", "streaming", "silent", "down"
 
@@ -61,8 +60,9 @@ class Intake:
         self.clock = Clock()
         self._rate, self._bursts, self._in_bursts = Rate(None, -inf), Bursts(), False
         self.samples = self.lost = self.repeated = self.wrong = 0
-        self._newest = self._arrived = self._resumed = -inf
-        self._usual, self._gap = inf, 0.0
+        self._newest = self._arrived = -inf
+        self._usual, self._waited = inf, Waited()
+        self._reasons = set[str]()
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
@@ -81,8 +81,10 @@ class Intake:
         return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected{settings}")
 
     def down(self, text: str, t: float) -> Event | None:
-        """The device is gone, or was never there; said once."""
-        said_before = self.state == DOWN
+        """The device is gone, or was never there; each reason is said once, and the first few."""
+        self._reasons = self._reasons if self.state == DOWN else set()
+        said_before = text in self._reasons or len(self._reasons) >= REASONS
+        self._reasons.add(text)
         self.state, self.text, self._rate = DOWN, text, Rate(None, t)
         ended = self.about is not None and self.about.replay
         return None if said_before else self._event(t, "down", "note" if ended else "error", text)
@@ -117,11 +119,9 @@ class Intake:
         """When a sample was taken, s, which is `t` by its own clock, where that is known; and why that is not to be
         believed, or nothing.
         """
-        gap, self._arrived = sample.arrival - self._arrived, sample.arrival
+        waited, self._arrived = self._waited.took(sample.arrival, self._usual), sample.arrival
         plays = self.about is not None and self.about.replay
         within_burst = None if plays else self._bursts.taken(sample.arrival)
-        if max(LATE, GAP * self._usual) < gap < inf:
-            self._resumed, self._gap = sample.arrival, gap
         self._has_time = not isnan(sample.device)
         if self._has_time:
             late = sample.arrival - t
@@ -129,12 +129,11 @@ class Intake:
             if late > LATE + self._bursts.period and not is_whole:
                 return t, f"late: came {late:.2f} s after it was taken"
             if not (is_known or plays or is_whole):
-                return t, UNKNOWN
+                return t, NEVER_KNOWN if self.clock.begins_on_and_on else UNKNOWN
             return t, "" if plays or self._newest - t < BEHIND else AMONG
         if within_burst is not None:
             return within_burst, ""
-        waited = sample.arrival - self._resumed < LATE
-        return t, f"late: nothing for {self._gap:.2f} s before it, and no time of its own" if waited else ""
+        return t, f"late: nothing for {waited:.2f} s before it, and no time of its own" if waited else ""
 
     def _flawed(self, sample: Sample) -> None:
         """Note a sample with a flaw; of those that are late the first, and what comes with it."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import msgspec
 
 from ..errors import ContactWrenchError
+from .devices import require_same
 from .session import Session
 from .sink import OpenSink
 from .snapshot import Event as Said
@@ -99,6 +100,15 @@ class Reader:
             self._full = 0
         return news
 
+    def forget(self) -> None:
+        """Let go what came while something else was waited for, where that was more than can be taken: all of it is
+        old, and the last of it is missing. What fits, as of a pipe, or a recording that waits itself, is kept.
+        """
+        for _ in range(len(self._news) if self._full else 0):
+            if not isinstance(news := self._news.popleft(), Batch):
+                self._news.append(news)
+        self._taken, self._full = self._given if self._full else self._taken, 0
+
     def stop(self) -> None:
         """Ask the thread to end."""
         self._stop.set()
@@ -117,6 +127,7 @@ class Reader:
             try:
                 if about is None:
                     about = self._source.open()
+                    require_same(self._source.uri, self.about, about)
                     self._put(about)
                 self._read(about)
             except EndOfStreamError as error:

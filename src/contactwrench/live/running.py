@@ -51,7 +51,7 @@ OF_ACCELEROMETER = (
 @dataclass(frozen=True)
 class Options:
     """Of the `Compensator`: low-pass cut-off, Hz; drift of the bias, N after an hour; the sensor's ranges (6,), N and
-    N m, where it does not state them itself; None: none.
+    N m; None: those that it states itself, or none.
     """
 
     lowpass: float | None = None
@@ -72,7 +72,7 @@ class Runner:
             rate=known.rate,  # by the first stamps it would be that of what waited, where a network is busy
             lowpass=options.lowpass,
             drift=options.drift,
-            ranges=known.ranges or options.ranges,
+            ranges=options.ranges or known.ranges,
         )
         self.delay = delay_of(calibration)
         """s by which the wrench is stamped later than the orientation that goes with it."""

@@ -37,7 +37,8 @@ class Event(msgspec.Struct, frozen=True):
     """Something that happened at `t` s since 1970. `kind`: `connected`, `silent`, `down`, `back`, `rate`, a kind of
     note of a source or the first word of a sample's flaw, `stuck`, `overload`, `stale`, `frozen`, `inertia`,
     `no_motion`, `contact`, `pose`, `pose_refused`, `push`, `fit`, `finding`, `verified`, `saved`, `zero`, `record`,
-    `phase`, `sink`, `refusal`; `severity`: `note`, `warning` or `error`; `device`: its URI, or empty.
+    `phase`, `sink`, `refusal`, and before a session `compiling`, `waiting`; `severity`: `note`, `warning` or `error`;
+    `device`: its URI, or empty.
     """
 
     t: float

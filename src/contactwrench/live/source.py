@@ -28,6 +28,10 @@ class DeviceError(ContactWrenchError, OSError):
     """A device that does not answer, answers something else, or went away; the message names it."""
 
 
+class NobodyYetError(DeviceError):
+    """Nobody has sent anything yet to a source that listens: nothing is wrong, and whoever opens it may wait."""
+
+
 class EndOfStreamError(DeviceError):
     """There is nothing more to come, and nothing is wrong: a recording, or standard input, has ended."""
 
@@ -125,7 +129,9 @@ class Source(Protocol):
     uri: str
 
     def open(self) -> About:
-        """Connect, and ask for the stream; at most 3 s. Raises `DeviceError`, one line that says what to do."""
+        """Connect, and ask for the stream; at most 12 s. Raises `DeviceError`, one line that says what to do; and
+        `NobodyYetError` after 3 s of one that listens.
+        """
 
     def read(self, timeout: float) -> Batch:
         """What has come; waits for it at most `timeout` s, after which the batch is empty: silence is no error.

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from contactwrench.live.intake import Intake
+from contactwrench.live.intake import NEVER_KNOWN, Intake
 from contactwrench.live.source import Batch, DeviceError, NoteKind, Sample
 from contactwrench.live.sources.lines import LinesDecoder
 from contactwrench.live.uri import source_of
@@ -186,6 +186,7 @@ SUCH = (
     'expected lines such as {"t": 0.001, "fx": 0, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0, "qx": 0, "qy": 0, '
     '"qz": 0, "qw": 1}, or CSV below a header: '
 )
+YET = f"open and nobody who sends yet, {SUCH}"
 NAME_SO = "name what it sends so, or state ?columns=t,fx,fy,fz,tx,ty,tz,.."
 
 
@@ -195,12 +196,15 @@ NAME_SO = "name what it sends so, or state ?columns=t,fx,fy,fz,tx,ty,tz,.."
         (b'{"force": 1}\n', f"""found the line '{{"force": 1}}', {SUCH}{NAME_SO}"""),
         (b"1,2,3,4,5,6\n", f"found the line '1,2,3,4,5,6', {SUCH}{NAME_SO}"),
         (b"\xaaU" * 40, f"found the line '{'ªU' * 30}', {SUCH}{NAME_SO}"),
-        (b"", f"found nothing, {SUCH}let the program write lines, and flush each of them"),
+        (
+            b"",
+            f"found standard input {YET}let the program write lines, and flush each of them",
+        ),
     ],
     ids=["other names", "no header", "no lines", "nothing"],
 )
 def test_what_comes_in_place_of_lines_is_shown(sent: bytes, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contactwrench.live.sources.transport.PATIENCE", 0.2)
+    monkeypatch.setattr("contactwrench.live.sources.lines._Lines.WAITS", 0.2)
     to_read, to_write = os.pipe()
     with io.FileIO(to_read) as stdin, io.FileIO(to_write, "w"):
         monkeypatch.setattr("sys.stdin", stdin)
@@ -233,10 +237,10 @@ def test_what_is_no_stream_is_said_with_its_cause(line: str, said: str, monkeypa
 
 
 def test_a_port_that_nobody_sends_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contactwrench.live.sources.transport.PATIENCE", 0.2)
+    monkeypatch.setattr("contactwrench.live.sources.lines._Lines.WAITS", 0.2)
     port = free_port()
     assert refusal(source_of(f"udp://:{port}")) == (
-        f"udp://:{port}: found nothing, {SUCH}let the sender send to port {port} of this computer"
+        f"udp://:{port}: found port {port} {YET}let the sender send to port {port} of this computer"
     )
 
 
@@ -253,8 +257,8 @@ def test_a_port_of_ipv6_is_bound() -> None:
 
 @pytest.mark.skipif(sys.platform == "darwin", reason="one address of this computer's alone is up")
 def test_two_that_send_to_one_port_are_not_mixed() -> None:
-    """The first counts, from whichever port of its own, until no sample of it came for a second; what the other sends
-    meanwhile is said. What sends no samples keeps nobody else away.
+    """The first counts until no sample of it came for a second; what another computer or program sends meanwhile is
+    said. What sends no samples keeps nobody else away, and a program that begins anew is taken from its new port.
     """
     first, again, other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3))
     source = source_of(f"udp://127.0.0.1:{(port := free_port())}")
@@ -280,19 +284,110 @@ def test_two_that_send_to_one_port_are_not_mixed() -> None:
             time.sleep(0.02)
         source.read(0.0)
         both, alone = came(other, first, again, other), came(other)
+        places = [f"{host} port {port}" for host, port in (other.getsockname(), ("127.0.0.1", again.getsockname()[1]))]
+        second = came(first, again)
         time.sleep(1.05)
         sent(first, "hello")
         source.read(0.2)
         time.sleep(1.05)
         sent(first, "hello")
         after = came(other)
+        time.sleep(1.05)
+        begun_anew = came(again, first)
         source.close()
-    assert forces(both) == [1.0, 1.0]
-    said = "another sender 127.0.0.2, which is not used: let only one send to this port"
-    assert [(note.kind, note.number, note.text) for note in both.notes] == [(NoteKind.GARBAGE, 2, said)]
-    assert [(note.kind, note.number, note.text) for note in alone.notes] == [(NoteKind.GARBAGE, 1, said)]
+    assert forces(both) == [1.0]
+    said = "another sender, {}, which is not used: let only one program send to this port"
+    assert [(note.kind, note.number, note.text) for note in both.notes] == [
+        (NoteKind.GARBAGE, 3, said.format(places[0]))
+    ]
+    assert [(note.kind, note.number, note.text) for note in alone.notes] == [
+        (NoteKind.GARBAGE, 1, said.format(places[0]))
+    ]
+    assert [note.text for note in second.notes] == [said.format(places[1])]
+    assert forces(second) == [1.0]
+    assert forces(begun_anew) == [1.0, 1.0]  # one of each says nothing yet
+    assert begun_anew.notes == []
     assert forces(alone) == []
     assert forces(after) == [2.0]
+
+
+def test_a_socket_for_each_line_is_one_sender() -> None:
+    source = source_of(f"udp://:{(port := free_port())}")
+
+    def sent(k: int) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b'{"fx": %d, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}' % k, ("127.0.0.1", port))
+
+    with ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(source.open)
+        while not opening.done():
+            sent(-1)
+            time.sleep(0.02)
+        source.read(0.0)
+        for k in range(50):
+            sent(k)
+        came = source.read(0.2)
+        source.close()
+    assert [sample.wrench[0] for sample in came.samples if sample.wrench] == list(range(50))
+    assert came.notes == []
+
+
+@pytest.mark.parametrize("at_once", [False, True])
+def test_a_program_that_begins_anew_is_taken_from_its_new_port_soon(at_once: bool) -> None:
+    """A robot that is not answered for a second stops. Two at once are another matter."""
+    source = source_of(f"udp://:{(port := free_port())}")
+    old, new = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+
+    def sent(sender: socket.socket) -> None:
+        line = b'{"fx": %d, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}' % (sender is new)
+        sender.sendto(line, ("127.0.0.1", port))
+        time.sleep(0.01)
+
+    with old, new, ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(source.open)
+        while not opening.done():
+            sent(old)
+        came = source.read(0.0)
+        for k in range(60):
+            if at_once or k < 10:
+                sent(old)
+            elif k == 10:
+                time.sleep(0.2)
+            if k >= 10:
+                sent(new)
+            came.add(source.read(0.0))
+        source.close()
+    forces = [sample.wrench[0] for sample in came.samples if sample.wrench]
+    assert sum(forces) == (0.0 if at_once else 50.0)
+    assert bool(came.notes) == at_once
+
+
+def test_two_programs_that_begin_together_are_soon_told_apart() -> None:
+    first, other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    source = source_of(f"udp://:{(port := free_port())}")
+    with first, other, ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(source.open)
+        while not opening.done():
+            for fx, sender in enumerate((first, other), 1):
+                sender.sendto(b'{"fx": %d, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}' % fx, ("127.0.0.1", port))
+            time.sleep(0.02)
+        forces = [sample.wrench[0] for sample in source.read(0.0).samples if sample.wrench]
+        source.close()
+    assert forces[:5] == [1.0, 2.0, 1.0, 2.0, 1.0]
+    assert set(forces[5:]) == {1.0}
+
+
+@pytest.mark.parametrize("there", ["127.0.0.1", "::1"])
+def test_a_port_without_an_address_is_one_of_ipv6_too(there: str) -> None:
+    source = source_of(f"udp://:{(port := free_port())}")
+    family = socket.AF_INET6 if ":" in there else socket.AF_INET
+    with socket.socket(family, socket.SOCK_DGRAM) as sender, ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(source.open)
+        while not opening.done():
+            sender.sendto(b'{"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}', (there, port))
+            time.sleep(0.02)
+        source.close()
+    assert opening.result().wrench
 
 
 @pytest.mark.parametrize(("name", "leaps"), [("t", True), ("t_ms", False)])
@@ -304,9 +399,7 @@ def test_ms_since_power_on_under_a_name_without_a_unit_are_said_and_not_used(nam
         decoder.feed(line.encode(), 0.005 * k, batch)
     flaws = [sample.flaw for _, sample in intake.take(batch)]
     said = "broken: t goes on by 5 s a line, expected s: name its unit, as t_ms, t_us or t_ns"
-    assert flaws == (
-        ["late: its clock is not known yet, what waited may still come"] * 10 + [said] * 90 if leaps else [""] * 100
-    )
+    assert flaws == ([NEVER_KNOWN] * 10 + [said] * 90 if leaps else [""] * 100)
 
 
 def test_a_clock_that_is_set_once_is_no_other_unit() -> None:

@@ -24,11 +24,12 @@ from scipy.spatial.transform import Rotation
 from contactwrench.geometry.orientation import CONVENTIONS
 from contactwrench.geometry.quaternions import from_kuka_abc
 from contactwrench.lab.netft import NetFt
+from contactwrench.lab.robotiq import Robotiq
 from contactwrench.lab.rsi import Rsi
 from contactwrench.lab.signals import Plain
 from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind, Source
-from contactwrench.live.sources import ft300, netft, rsi
+from contactwrench.live.sources import ft300, netft, robotiq, rsi
 from contactwrench.live.sources.ros2 import Ros2
 from contactwrench.live.uri import parsed, source_of
 from tests.live.sources.test_sri_decoder import pieces_of
@@ -56,7 +57,7 @@ def test_kuka_angles_are_those_of_recordings(a: float, b: float, c: float) -> No
     ],
 )
 def test_a_status_of_ati_is_understood(status: int, saturated: str, word: str) -> None:
-    decoder, batch = netft.NetFtDecoder((1e6, 1e6), 1e3, netft.SATURATED[saturated]), Batch()
+    decoder, batch = netft.NetFtDecoder(1e6, 1e6, 1e3, netft.SATURATED[saturated]), Batch()
     decoder.feed(struct.pack(">III6i", 1, 1, status, *[0] * 6), 1.0, batch)
     assert batch.samples[0].flaw.partition(":")[0] == word
     assert [note.kind for note in batch.notes] == [NoteKind.STATUS]
@@ -64,7 +65,7 @@ def test_a_status_of_ati_is_understood(status: int, saturated: str, word: str) -
 
 @pytest.mark.parametrize(("count", "is_end"), [(2**31 - 1, True), (-(2**31), True), (2**31 - 2, False)])
 def test_counts_of_ati_at_the_end_of_their_range_are_no_reading(count: int, is_end: bool) -> None:
-    decoder, batch = netft.NetFtDecoder((1e6, 1e6), 1e3, netft.SATURATED["net"]), Batch()
+    decoder, batch = netft.NetFtDecoder(1e6, 1e6, 1e3, netft.SATURATED["net"]), Batch()
     decoder.feed(struct.pack(">III6i", 1, 1, 0, 0, 0, count, 0, 0, 0), 1.0, batch)
     assert batch.samples[0].flaw == "saturated: a count is at the end of its range" * is_end
 
@@ -142,7 +143,10 @@ def test_a_host_that_is_none_is_said(scheme: str, host: str, found: str) -> None
 
 
 def test_a_place_to_listen_at_that_is_none_is_said() -> None:
-    assert "found port 9000 taken (" in refusal(source_of("udp://a..b:9000"))
+    assert refusal(source_of("udp://a..b:9000")) == (
+        "udp://a..b:9000: found no host a..b, expected a name or an address of this computer's: correct it, or leave "
+        "it out"
+    )
 
 
 def test_a_robot_is_answered_with_its_ipoc_and_no_correction() -> None:
@@ -192,9 +196,10 @@ def test_a_robot_that_sends_something_else_is_told_what(change: Callable[[bytes]
 
 
 def test_where_no_robot_sends_that_is_said() -> None:
-    uri = f"rsi://{LOCALHOST}:{free_port()}"
+    uri = f"rsi://{LOCALHOST}:{(port := free_port())}"
     assert refusal(source_of(uri)) == (
-        f"{uri}: found no robot that sends, expected its RSI datagrams: start the program with RSI_MOVECORR"
+        f"{uri}: found port {port} open and nobody who sends yet, expected the robot's RSI datagrams: start the "
+        "program with RSI_MOVECORR on the robot"
     )
 
 
@@ -323,7 +328,7 @@ def test_a_stream_that_another_program_left_is_ended(streams: bool) -> None:
 
 @given(st.binary(max_size=300))
 def test_any_bytes_are_read(data: bytes) -> None:
-    decoders = netft.NetFtDecoder((1.0, 1.0), 1e3, 0), rsi.RsiDecoder(), ft300.Ft300Decoder(serial=True)
+    decoders = netft.NetFtDecoder(1.0, 1.0, 1e3, 0), rsi.RsiDecoder(), ft300.Ft300Decoder(serial=True)
     for decoder in decoders:
         decoder.feed(data, 0.0, Batch())
 
@@ -356,3 +361,44 @@ def test_the_robot_of_the_lab_waits_for_a_session() -> None:
         source.close()
         sleep(0.7)
         assert robot.stopped
+
+
+READING = b"( 2.25 , -0.10 , 29.3 , 0.01 , 0.02 , 0.0 )"
+
+
+@pytest.mark.parametrize("end", [b"", b"\n", b"\r\n"])
+def test_readings_of_robotiqs_urcap_are_newtons_and_newton_metres(end: bytes) -> None:
+    """In whichever pieces they come; six numbers make one, and what stands between them is said."""
+    data = READING + end + b"( 1 , 2 , 3 )" + end + b"nothing" + b"(1e-05,2,3,4,5,-6)" + end + b"( 7 , 8"
+    for size in (1, 7, len(data)):
+        decoder, batch = robotiq.RobotiqDecoder(), Batch()
+        for k in range(0, len(data), size):
+            decoder.feed(data[k : k + size], 1.0, batch)
+        wrenches = [sample.wrench for sample in batch.samples]
+        assert wrenches == [(2.25, -0.1, 29.3, 0.01, 0.02, 0.0), (1e-05, 2.0, 3.0, 4.0, 5.0, -6.0)]
+        assert {note.kind for note in batch.notes} == {NoteKind.GARBAGE}
+        assert sum(note.number for note in batch.notes) == len(b"( 1 , 2 , 3 )nothing")
+        assert batch.notes[0].text == "13 bytes that are no reading"
+
+
+def test_a_parenthesis_that_is_not_closed_is_not_kept_for_ever() -> None:
+    decoder, batch = robotiq.RobotiqDecoder(), Batch()
+    for _ in range(100):
+        decoder.feed(b"( 1 , 2", 1.0, batch)
+    decoder.feed(READING, 2.0, batch)
+    assert len(batch.samples) == 1
+    assert sum(note.number for note in batch.notes) == 700
+
+
+@pytest.mark.parametrize("rate", [100.0, 125.0])
+@pytest.mark.parametrize("end", ["", "\n"])
+def test_robotiqs_urcap_is_read(rate: float, end: str) -> None:
+    with Robotiq(Plain(wrench=(2.254, -0.1, 29.3, 0.0104, 0.02, 0.0)), rate, end=end) as fake:
+        source = source_of(fake.uri)
+        about, early = probed(source, wrench=True, orientation=False)
+        early.add(read(source, 0.5))
+        source.close()
+    assert (about.name, about.wrench, about.orientation) == ("Robotiq FT 300 by its URCap", True, False)
+    assert len(early.samples) > 0.3 * rate
+    assert {sample.wrench for sample in early.samples} == {(2.25, -0.1, 29.3, 0.01, 0.02, 0.0)}
+    assert early.notes == []

@@ -54,7 +54,9 @@ def serve(hub: Hub, host: str = "127.0.0.1", port: int = 0, token: str | None = 
         MissingExtraError: uvicorn or websockets is not installed.
     """
     try:
-        listening = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        found = {int(each[0]): str(each[4][0]) for each in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)}
+        family = socket.AF_INET if socket.AF_INET in found else socket.AF_INET6
+        listening = socket.create_server((found[family], port), family=family)
     except (OSError, OverflowError, UnicodeError) as error:
         message = f"{host}:{port}: found that it cannot be listened on ({error}), expected a free port: choose another"
         raise DeviceError(message) from None

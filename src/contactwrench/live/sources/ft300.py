@@ -15,6 +15,8 @@ from .transport import Deadline, Tcp
 
 PORT, UNIT = 502, 9
 RATE = 100.0
+RANGES = (300.0, 300.0, 300.0, 30.0, 30.0, 30.0)
+"""N and N m (Robotiq's data sheet): what reads more, up to the 327 N of a register and no further, is no reading."""
 QUESTION = Struct(">BBHH").pack(UNIT, 3, 180, 6)
 """Registers 180 to 185 hold forces in 0.01 N and torques in 0.001 N m (Robotiq's manual)."""
 _registers = Struct(">6h")
@@ -23,6 +25,7 @@ AGAIN, WITHIN = 0.5, 0.02
 """s without an answer after which the question is asked again; and, by a serial line, without the rest of one, which an
 adapter to USB may hold for 16 ms: what comes 60 ms after the last sample would be taken for late.
 """
+OLD = f"late: it answers a question of {AGAIN:g} s ago or more: let one program alone ask, or take a faster gateway"
 STREAM, END_OF_STREAM, SEEN = b"\x20\x4e", b"\xff" * 50, 0.05
 """What a frame begins with of the stream that a sensor may send unasked, which takes no questions; what ends it
 (Robotiq's manual); and s in which it is seen: frames come 100 times a second.
@@ -33,7 +36,8 @@ class Ft300Decoder:
     """Answers to samples: those of TCP have a head with a number, those of a serial line a sum."""
 
     def __init__(self, serial: bool) -> None:
-        self._serial, self._buffer = serial, b""
+        self._serial, self._buffer, self.number = serial, b"", 0
+        """The last question's, by TCP."""
         self._before, self._after = (0, 2) if serial else (6, 0)
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
@@ -47,7 +51,8 @@ class Ft300Decoder:
             else:
                 fx, fy, fz, tx, ty, tz = _registers.unpack_from(buffer, start + len(ANSWER))
                 wrench = 0.01 * fx, 0.01 * fy, 0.01 * fz, 0.001 * tx, 0.001 * ty, 0.001 * tz
-                batch.samples.append(Sample(arrival, wrench=wrench))
+                old = not self._serial and buffer[max(start - 6, 0) : start - 4] != self.number.to_bytes(2)
+                batch.samples.append(Sample(arrival, wrench=wrench, flaw=OLD if old else ""))
             self._note_garbage(max(start - self._before, 0), batch)
             buffer = buffer[end + self._after :]
         keep = size + self._before + self._after
@@ -96,8 +101,8 @@ class Ft300(Reader[Tcp | Serial]):
     """The sensor. It has no counter and no status: a sample that it repeats is not seen."""
 
     FORM = "ft300://HOST[:502] or ft300:///dev/ttyUSB0"
-    ABOUT = "Robotiq FT 300: wrench; 100 Hz by Modbus TCP, about 50 Hz by a serial line"
-    RATE = "100 Hz (serial: about 50 Hz)"
+    ABOUT = "Robotiq FT 300: wrench; by a serial line, or by Modbus TCP through a gateway to one"
+    RATE = "as the line can, about 50 Hz; at most 100 Hz"
     TESTED = "its fake in the lab; no sensor, and no serial line"
 
     def __init__(self, uri: Uri) -> None:
@@ -120,8 +125,8 @@ class Ft300(Reader[Tcp | Serial]):
         self._answers = Ft300Decoder(bool(self._path))
         self._begin(self._answers)
         self._first(deadline, lambda: self._link.silent("six Modbus registers from 180 on"))
-        rate = None if self._path else RATE  # what a serial line can is its own
-        return About("Robotiq FT 300", wrench=True, orientation=False, rate=rate, settings=settings)
+        # no rate: what a serial line can, behind Modbus TCP too, is its own
+        return About("Robotiq FT 300", wrench=True, orientation=False, ranges=RANGES, settings=settings)
 
     def _stream_ended(self, deadline: Deadline) -> dict[str, str]:
         """End the stream in which another program has left the sensor; what is to be said of that."""
@@ -160,6 +165,7 @@ class Ft300(Reader[Tcp | Serial]):
     def _ask(self) -> None:
         self._number = (self._number + 1) % 0x1_0000
         head = b"" if self._path else Struct(">HHH").pack(self._number, 0, len(QUESTION))
+        self._answers.number = self._number
         self._link.send(head + QUESTION + (crc(QUESTION) if self._path else b""))
         self._asked, self._sent = True, monotonic()
 

@@ -16,9 +16,10 @@ from ...recording.tables.layout import cells, layout_of
 from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
+from .datagrams import Udp
 from .reader import AnyLink, Reader
 from .standard_input import StandardInput
-from .transport import Deadline, Tcp, Udp
+from .transport import LISTENS, Deadline, Tcp
 
 LONGEST, SHOWN = 65_536, 60
 """Bytes of a line, and of one that is shown."""
@@ -140,6 +141,8 @@ class _Lines(Reader[AnyLink]):
     OPTIONS = "[?rate=HZ][&columns=t,fx,..][&orientation=NAME[:COLUMNS]][&units=force=kgf,..]"
     WHOLE, LIKE = False, ""
     """Whether what comes ends with a line's end; and an address with its port, where it has to have one."""
+    WAITS: float | None = LISTENS
+    """s for the first line; None: as for any device that is connected to."""
 
     def __init__(self, uri: Uri, link: AnyLink) -> None:
         uri.only("rate", "columns", "orientation", "units")
@@ -154,7 +157,7 @@ class _Lines(Reader[AnyLink]):
 
     def open(self) -> About:
         """As `Source`."""
-        deadline = self._link.deadline()
+        deadline = self._link.deadline(self.WAITS)
         self._connect(deadline)
         decoder = self._fresh()
         self._begin(decoder)
@@ -205,13 +208,15 @@ class UdpLines(_Lines[Udp]):
         self.port = self._link.bind(self._at[0], self._at[1] or 0)
 
     def _silent(self) -> DeviceError:
-        return self._link.error("nothing", EXPECTED, f"let the sender send to port {self.port} of this computer")
+        do = f"let the sender send to port {self.port} of this computer"
+        return self._link.nobody(f"port {self.port}", EXPECTED, do)
 
 
 class TcpLines(_Lines[Tcp]):
     """A server."""
 
     FORM, LIKE = f"tcp://HOST:PORT{_Lines.OPTIONS}", "tcp://192.168.0.10:9000"
+    WAITS = None
 
     def __init__(self, uri: Uri) -> None:
         super().__init__(uri, Tcp(uri.text, "server of lines"))
@@ -232,4 +237,4 @@ class StdinLines(_Lines[StandardInput]):
         self._link.start()
 
     def _silent(self) -> DeviceError:
-        return self._link.error("nothing", EXPECTED, "let the program write lines, and flush each of them")
+        return self._link.nobody("standard input", EXPECTED, "let the program write lines, and flush each of them")

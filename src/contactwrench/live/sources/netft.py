@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from http.client import HTTPConnection, HTTPException
 from math import inf, nan
 from re import search
+from socket import SHUT_RDWR
 from struct import Struct
+from threading import Event, Thread
 from time import monotonic
+from typing import TypeAlias
 
 from ...recording.tables.units import per_si, unit_of
 from ..counter import Counter
-from ..source import About, Batch, Note, NoteKind, Sample
+from ..source import About, Batch, DeviceError, Note, NoteKind, Sample
 from ..uri import Uri
-from .reader import Reader
-from .transport import Udp
+from .datagrams import Udp
+from .reader import NOT_AGAIN, ZEROED, Reader
 
 PORT, HTTP_PORT = 49_152, 80
 PAGE = "/netftapi2.xml"
@@ -30,8 +34,12 @@ SATURATED = {"net": 1 << 17, "axia": 1 << 27 | 1 << 30}
 """ATI's manuals: of a Net F/T, saturation or A/D; of an Axia, a gage, or force and torque, out of range."""
 RATES = "comrdtrate", "cfgcomrdtrate"
 """Of its page: as the box has it, and as it was taken to be."""
-PATIENCE = 1.2
-"""s for the page."""
+PATIENCE = 3.0
+"""s for the page: to connect, and to answer."""
+LOOK_AGAIN, SAME = 5.0, 1e-6
+"""s from one look at the page to the next, and the part by which a number of it is another one."""
+Said: TypeAlias = tuple[float, float, float]
+NAMES = "counts of one N", "counts of one N m", "records a second"
 AGAIN = 1.0
 """s of silence after which the stream is asked for again: a box that was switched off has forgotten it."""
 
@@ -40,13 +48,14 @@ class NetFtDecoder:
     """Datagrams of whole records to samples.
 
     Args:
-        counts: of one N, and of one N m.
+        force: counts of one N.
+        torque: counts of one N m.
         rate: Hz.
         saturated: the bits of the status that say it.
     """
 
-    def __init__(self, counts: tuple[float, float], rate: float, saturated: int) -> None:
-        self._force, self._torque = 1.0 / counts[0], 1.0 / counts[1]
+    def __init__(self, force: float, torque: float, rate: float, saturated: int) -> None:
+        self._force, self._torque = 1.0 / force, 1.0 / torque
         self._counter, self._saturated = Counter(1.0 / rate, MODULUS), saturated
         self._status = 0
 
@@ -86,31 +95,34 @@ class NetFt(Reader[Udp]):
         super().__init__(uri, Udp(uri.text, "Net F/T"), STOP)
         self._at = uri.host, uri.port or PORT
         self._http = uri.whole("http", HTTP_PORT)
-        self._zero = uri.switch("zero")
+        self._zero, self._zeroed = uri.switch("zero"), False
+        self._changed, self._closed = "", Event()
 
     def open(self) -> About:
         """As `Source`."""
         deadline = self._link.deadline()
+        self._changed, self._closed = "", Event()
         self._link.addresses(*self._at)  # or the page would be asked of nobody
-        page = self._page()
-        name = _text(page, "prodname") or "Net F/T"
-        rate = _number(next(filter(None, (_text(page, tag) for tag in RATES)), ""))
-        counts = self._counts(page, "force", "cfgcpf", "scfgfu"), self._counts(page, "torque", "cfgcpt", "scfgtu")
-        if not 0.0 < rate < inf:
-            raise self._link.error("no rate on the page", RATES[0], "set the RDT rate on the box's page")
-        self._link.connect(*self._at)
-        if self._zero:
+        name, said, address = self._said()
+        *_, rate = said
+        self._link.connect(address, self._at[1])
+        if self._zero and not self._zeroed:
             self._link.send(ZERO)
         self._link.send(STREAM)
         saturated = SATURATED["axia" if "axia" in name.lower() else "net"]
-        self._begin(NetFtDecoder(counts, rate, saturated))
+        self._begin(NetFtDecoder(*said, saturated))
         self._heard = monotonic()
         self._first(deadline, lambda: self._link.silent("records"))
-        settings = {"zero": "the box was told to zero itself: its bias is not the sensor's"} if self._zero else {}
+        settings = {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
+        self._zeroed = self._zero
+        Thread(target=self._look, args=(said, self._closed), name=f"page of {self.uri}", daemon=True).start()
         return About(f"ATI {name}", wrench=True, orientation=False, rate=rate, settings=settings)
 
     def read(self, timeout: float) -> Batch:
-        """As `Source`; after silence the stream is asked for again."""
+        """As `Source`; after silence the stream is asked for again, and what its page says has to stay."""
+        if self._changed:
+            do = f"it is connected to again; what it sent in the last {LOOK_AGAIN:g} s may be off by that"
+            raise self._link.error(self._changed, "what its page said before", do)
         batch = super().read(timeout)
         if batch.samples:
             self._heard = monotonic()
@@ -119,9 +131,40 @@ class NetFt(Reader[Udp]):
             self._link.send(STREAM)
         return batch
 
-    def _page(self) -> str:
-        connection = HTTPConnection(self._at[0], self._http, timeout=PATIENCE)
+    def close(self) -> None:
+        """As `Source`."""
+        self._closed.set()
+        with suppress(OSError, AttributeError):  # not connected, or just closed
+            self._asking.sock.shutdown(SHUT_RDWR)
+        super().close()
+
+    def _look(self, before: Said, closed: Event) -> None:
+        """Look at the page again and again: what a count is worth may be changed on it, and no record says so."""
+        while not closed.wait(LOOK_AGAIN):
+            with suppress(DeviceError):  # a page that is gone is no fault while records come
+                now = self._said()[1]
+                for name, was, said in zip(NAMES, before, now, strict=True):
+                    if abs(said - was) > SAME * was and not closed.is_set():
+                        self._changed = f"{said:g} {name}"
+                        return
+
+    def _said(self) -> tuple[str, Said, str]:
+        """What the page says: the box's name; counts of one N and of one N m, and Hz; and the address at which it was
+        found: a name may have others, at which the box is not.
+        """
+        page, address = self._page()
+        name = _text(page, "prodname") or "Net F/T"
+        rate = _number(next(filter(None, (_text(page, tag) for tag in RATES)), ""))
+        counts = self._counts(page, "force", "cfgcpf", "scfgfu"), self._counts(page, "torque", "cfgcpt", "scfgtu")
+        if not 0.0 < rate < inf:
+            raise self._link.error("no rate on the page", RATES[0], "set the RDT rate on the box's page")
+        return name, (*counts, rate), address
+
+    def _page(self) -> tuple[str, str]:
+        self._asking = connection = HTTPConnection(self._at[0], self._http, timeout=PATIENCE)
         try:
+            connection.connect()
+            address: str = connection.sock.getpeername()[0]
             connection.request("GET", PAGE)
             page = connection.getresponse().read(1 << 18).decode("latin-1")
         except (OSError, HTTPException) as error:
@@ -133,7 +176,7 @@ class NetFt(Reader[Udp]):
             connection.close()
         if not _text(page, "cfgcpf"):
             raise self._link.another(page.encode("latin-1"), f"the box's {PAGE}")
-        return page
+        return page, address
 
     def _counts(self, page: str, quantity: str, of: str, unit: str) -> float:
         """Counts of one N or N m."""

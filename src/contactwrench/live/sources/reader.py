@@ -15,6 +15,14 @@ LOOK = 0.1
 NOT_A_STREAM = 100_000
 """Bytes without a sample after which what comes is no stream of the device."""
 
+ZEROED = "the box was told to zero itself: its bias is not the sensor's"
+NOT_AGAIN = (
+    "the box was not told again: where it lost power it has lost its zero too, so take a new one with a free tool"
+)
+"""What a box says that zeroed itself when it was first connected to; and when it is connected to again, with a tool
+that may touch something, and with a calibration that knows the first zero.
+"""
+
 
 class Decoder(Protocol):
     """Bytes to samples."""

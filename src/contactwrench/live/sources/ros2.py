@@ -12,9 +12,9 @@ from typing import Any, Protocol
 
 from ...errors import MissingExtraError
 from ..counter import Counter
-from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Four, Sample, Six, Three, now
+from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Four, NobodyYetError, Sample, Six, Three, now
 from ..uri import Uri
-from .transport import PATIENCE, Deadline
+from .transport import LISTENS, Deadline
 
 WRENCHES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench")
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/Pose")
@@ -61,8 +61,10 @@ class Ros2:
         made, by = self._made()
         with self._lock:
             self._subscription = made
+        if not made.type_name:
+            raise self._nobody()
         if made.type_name not in WRENCHES + POSES:
-            raise self._error(f"messages of {made.type_name or 'nobody'}", "check the topic and ROS_DOMAIN_ID")
+            raise self._error(f"messages of {made.type_name}", "check the topic and ROS_DOMAIN_ID")
         self._counter = Counter(1e-6, step=None)
         wrench = made.type_name in WRENCHES
         settings = {"message": made.type_name, "by": by} | ({} if wrench else {"pose": TAKEN_FOR_THE_FLANGE})
@@ -125,7 +127,10 @@ class Ros2:
         try:
             return _Rosless(rosless, self._topic), "rosless"
         except RuntimeError:
-            raise self._error("nobody who publishes it", "check the topic and ROS_DOMAIN_ID") from None
+            raise self._nobody() from None
+
+    def _nobody(self) -> NobodyYetError:
+        return NobodyYetError(str(self._error("nobody who publishes it yet", "check the topic and ROS_DOMAIN_ID")))
 
     def _error(self, found: str, do: str) -> DeviceError:
         return DeviceError(f"{self.uri}: found {found}, expected {' or '.join(WRENCHES + POSES)}: {do}")
@@ -134,7 +139,7 @@ class Ros2:
 class _Rosless:
     def __init__(self, rosless: Any, topic: str) -> None:
         domain = int(os.environ.get("ROS_DOMAIN_ID") or 0)
-        self._subscription = rosless.subscribe(topic, domain=domain, wait=PATIENCE, depth=DEPTH)
+        self._subscription = rosless.subscribe(topic, domain=domain, wait=LISTENS, depth=DEPTH)
         self.type_name: str = self._subscription.type_name
 
     def take(self, timeout: float) -> list[Any]:
@@ -169,7 +174,7 @@ class _Rclpy:
         self._messages.append(message)
 
     def _discovered(self, topic: str) -> str:
-        deadline = Deadline()
+        deadline = Deadline(LISTENS)
         while deadline.left:
             if types := dict(self._node.get_topic_names_and_types()).get(topic):
                 return str(types[0])

@@ -10,10 +10,11 @@ from math import isfinite, radians
 from ...errors import visible
 from ...geometry.quaternions import from_kuka_abc
 from ..counter import Counter
-from ..source import About, Batch, Note, NoteKind, Sample, Six, now
+from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six, now
 from ..uri import Uri
+from .datagrams import Udp
 from .reader import Reader
-from .transport import Udp
+from .transport import LISTENS
 
 PORT = 49_152
 SHORTEST = 4
@@ -37,7 +38,7 @@ class RsiDecoder:
         self._counter, self._late = Counter(1e-3, step=SHORTEST, learns=True), 0
         self.ipoc = 0
         """Of the last datagram that had one, else 0."""
-        self.amiss = "no robot that sends", "its RSI datagrams", "start the program with RSI_MOVECORR"
+        self.amiss: tuple[str, str, str] | None = None
         """What was found, what expected, and what to do, by the last datagram that was no sample."""
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
@@ -50,7 +51,8 @@ class RsiDecoder:
                 raise ValueError
             joints = _angles(data)
         except ValueError:
-            self.amiss = what, _, do = _amiss(data)
+            self.amiss = _amiss(data)
+            what, _, do = self.amiss
             batch.notes.append(Note(NoteKind.GARBAGE, f"{what}: {do}", len(data)))
             return
         device = self._counter.take(self.ipoc, arrival, batch)
@@ -87,15 +89,21 @@ class Rsi(Reader[Udp]):
 
     def open(self) -> About:
         """As `Source`."""
-        deadline = self._link.deadline()
+        deadline = self._link.deadline(LISTENS)
         self.port = self._link.bind(*self._at)
         self._rsi = RsiDecoder()
         self._begin(self._rsi)
-        first = self._first(deadline, lambda: self._link.error(*self._rsi.amiss), FIRST)
+        first = self._first(deadline, self._missing, FIRST)
         step = min(b.device - a.device for a, b in pairwise(first.samples))
         settings = {"pose": "of $TOOL in $BASE: with a $TOOL that is turned or shifted it is not the flange's"}
         rate = round(1.0 / step, 3)
         return About("KUKA RSI", wrench=False, orientation=True, rate=rate, settings=settings, listens=True)
+
+    def _missing(self) -> DeviceError:
+        if self._rsi.amiss is not None:
+            return self._link.error(*self._rsi.amiss)
+        do = "start the program with RSI_MOVECORR on the robot"
+        return self._link.nobody(f"port {self.port}", "the robot's RSI datagrams", do)
 
     def read(self, timeout: float) -> Batch:
         """As `Source`; each datagram is answered before this returns."""

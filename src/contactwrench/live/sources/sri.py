@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from math import isfinite
 from struct import Struct
+from time import monotonic
 
 from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six
 from ..uri import Uri
-from .reader import Reader
+from .reader import NOT_AGAIN, ZEROED, Reader
 from .transport import Deadline, Tcp
 
 PORT = 4008
@@ -24,7 +25,9 @@ CHANNELS = "SGDM=(A01,A02,A03,A04,A05,A06);E;1;(WMA:1)"
 """Engineering units, one sample a packet, no moving average."""
 EXPECTED = "ACK+ and a value, as an SRI box answers"
 OBEYS = 0.3
-"""s for a command that an older box may not know; all of them fit into what `open` may take."""
+"""s for a command that an older box may not know, and twice as long as the first two took, which all boxes know: on a
+slow network too its rate is to be heard. All of them fit into what `open` may take.
+"""
 
 
 class SriDecoder:
@@ -92,19 +95,25 @@ class Sri(Reader[Tcp]):
         super().__init__(uri, Tcp(uri.text, "SRI interface box"), b"AT+GSD=STOP\r\n")
         self._at = uri.host, uri.port or PORT
         self._asked = uri.rate()
-        self._zero = uri.switch("zero")
+        self._zero, self._zeroed = uri.switch("zero"), False
 
     def open(self) -> About:
         """As `Source`."""
         deadline = self._link.deadline()
         self._link.connect(*self._at, deadline)
-        self._answers = b""
+        self._answers, begun = b"", monotonic()
         self._link.send(b"AT+GSD=STOP\r\n")
         address = self._ask("EIP=?", deadline, needed=True)
+        self._obeys = OBEYS + 2.0 * (monotonic() - begun)
         rate = self._set_rate()
         settings = {"address of the box": address or "not told"}
-        for command in (CHANNELS, "DCKMD=SUM", *(["ADJZF=1;1;1;1;1;1"] if self._zero else [])):
-            settings[command] = "done" if self._ask(command, self._link.deadline(OBEYS)) else "not confirmed by the box"
+        zero = self._zero and not self._zeroed
+        for command in (CHANNELS, "DCKMD=SUM", *(["ADJZF=1;1;1;1;1;1"] if zero else [])):
+            settings[command] = (
+                "done" if self._ask(command, self._link.deadline(self._obeys)) else "not confirmed by the box"
+            )
+        settings |= {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
+        self._zeroed = self._zero
         self._begin(SriDecoder(rate or self._asked or USUAL_RATE))
         self._link.send(b"AT+GSD\r\n")
         return About("SRI M8128", wrench=True, orientation=False, rate=self._asked or rate, settings=settings)
@@ -113,7 +122,7 @@ class Sri(Reader[Tcp]):
         """What the box says its rate is; older boxes call it by another name."""
         wanted = f"{self._asked:g}" if self._asked else "?"
         for name in ("SMPF", "SMPR"):
-            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", self._link.deadline(OBEYS)))
+            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", self._link.deadline(self._obeys)))
             if found:
                 return float(found[0]) or None
         return None

@@ -1,4 +1,4 @@
-"""TCP and UDP for devices: connect, wait, take all that came; closed from any thread; errors that say what to do."""
+"""Links to devices, and TCP: connect, wait, take all that came; closed from any thread; errors that say what to do."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from time import monotonic
 from typing import Any
 
 from ...errors import visible
-from ..source import DeviceError, Note, NoteKind
+from ..source import DeviceError, NobodyYetError, Note
 
-PATIENCE, TO_CONNECT = 2.5, 1.0
-"""s that a device may take to connect and to answer, all of it together; and to connect: a question that was lost is
-asked again sooner so than by the system.
+PATIENCE, TO_CONNECT, ATTEMPTS = 10.0, 1.0, 3
+"""s that a device may take to connect and to answer, all of it together: a gateway to a serial line, or a controller
+that has just begun, takes 4 s. And s to connect, and how often that is tried: a question that was lost is asked again
+sooner so than by the system.
 """
+LISTENS = 2.5
+"""s after which a source that listens says that nobody has sent yet."""
 BUFFER = 1 << 22
 """Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
 MOST_BYTES = 1 << 16
-MOST = 4_096
-"""Datagrams of one read."""
-ANOTHER = 1.0
-"""s without a sample of a port's sender, after which it may be another one; before, two would be mixed."""
-REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: "no answer"}
+NO_ANSWER = "no answer"
+REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: NO_ANSWER}
 
 
 class Deadline:
@@ -102,6 +102,10 @@ class Link(ABC):
         """What is raised where nothing answers."""
         return self.error("no answer", expected, f"check that this is the {self._device}, and that no one else uses it")
 
+    def nobody(self, place: str, expected: str, do: str) -> NobodyYetError:
+        """What is raised where a source listens and nobody has sent yet."""
+        return NobodyYetError(str(self.error(f"{place} open and nobody who sends yet", expected, do)))
+
     def _use(self, made: Any, selector: selectors.BaseSelector) -> None:
         """Take a socket, or a file. The lock is held."""
         self._drop()
@@ -148,11 +152,14 @@ class Tcp(Link):
 
     def connect(self, host: str, port: int, deadline: Deadline) -> None:
         """Connect. Raises `DeviceError`: no such name, refused, or no answer."""
-        reason = "no answer"
-        for family, kind, _, _, address in self.addresses(host, port, socket.SOCK_STREAM):
-            reason = self._connected(family, kind, address, deadline)
+        reason, found = NO_ANSWER, self.addresses(host, port, socket.SOCK_STREAM)
+        for family, kind, _, _, address in found * ATTEMPTS:
+            if deadline.left:
+                reason = self._connected(family, kind, address, deadline)
             if not reason:
                 return
+            if reason != NO_ANSWER and len(found) == 1:
+                break
         do = "check its power, its cable and the address; it must be in this computer's network"
         raise self.error(f"{reason} at {host} port {port}", f"the {self._device}", do)
 
@@ -196,86 +203,3 @@ class Tcp(Link):
     def _cut(self, error: OSError | None) -> DeviceError:
         why = f" ({(error.strerror or str(error)).lower()})" if error is not None else ""
         return self.error(f"the connection closed{why}", "samples", f"check the {self._device} and its cable")
-
-
-class Udp(Link):
-    """Datagrams of one computer: of the one it is connected to, or of the first that sends samples to a port, from
-    whichever port of its own.
-    """
-
-    _host: str | None = None
-    _sender: Any = None
-    _used = 0.0
-    _others: tuple[int, str] = 0, ""
-
-    def connect(self, host: str, port: int) -> None:
-        """Send to and take from one address only. Raises `DeviceError`."""
-        family, kind, _, _, address = self.addresses(host, port, socket.SOCK_DGRAM)[0]
-        with self._lock:
-            made = self._use_socket(family, kind)
-            self._try(lambda: made.connect(address), f"no way to {host}", "check the network")
-
-    def bind(self, host: str, port: int) -> int:
-        """Take from whoever sends first, until no sample of it has come for `ANOTHER` s, at an address of this
-        computer's (empty: all); the port. Raises `DeviceError`.
-        """
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        with self._lock:
-            made = self._use_socket(family, socket.SOCK_DGRAM)
-            self._try(lambda: made.bind((host, port)), f"port {port} taken", "end the other program, or choose another")
-            self._host, self._others = None, (0, "")
-            bound: int = made.getsockname()[1]
-            return bound
-
-    def answer(self, data: bytes) -> None:
-        """To where the last datagram that was taken came from."""
-        if self._socket is not None:
-            with suppress(OSError):
-                self._socket.sendto(data, self._sender)
-
-    def receive(self, timeout: float) -> list[bytes]:
-        """The datagrams that have come; none in silence or after `close`. Raises `DeviceError`: the port is closed."""
-        taken: list[bytes] = []
-        senders: list[Any] = []
-        with self._lock:
-            if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
-                return taken
-            try:
-                while len(taken) < MOST:
-                    data, sender = self._socket.recvfrom(MOST_BYTES)
-                    taken.append(data)
-                    senders.append(sender)
-            except (BlockingIOError, ConnectionResetError):
-                pass
-            except ConnectionRefusedError:
-                if not taken:
-                    do = f"check the address and that it is the {self._device}"
-                    raise self.error("nobody listening", f"the {self._device}", do) from None
-        return self._of_one(taken, senders)
-
-    def _of_one(self, taken: list[bytes], senders: list[Any]) -> list[bytes]:
-        hosts = [sender[0] for sender in senders]
-        if hosts and (self._host is None or monotonic() - self._used > ANOTHER):
-            self._host = next((host for host in hosts if host != self._host), hosts[0])
-            self._used = monotonic()
-        self._sender = next((sender for sender in reversed(senders) if sender[0] == self._host), self._sender)
-        if others := [host for host in hosts if host != self._host]:
-            self._others = self._others[0] + len(others), others[-1]
-        return [data for data, host in zip(taken, hosts, strict=True) if host == self._host]
-
-    def notes(self, used: bool) -> list[Note]:
-        """As `Link`: others that sent to the port. What is no sample, as of a program that sends by mistake, keeps
-        nobody else away.
-        """
-        self._used = monotonic() if used else self._used
-        (number, other), self._others = self._others, (0, "")
-        text = f"another sender {other}, which is not used: let only one send to this port"
-        return [Note(NoteKind.GARBAGE, text, number)] if number else []
-
-    def _try(self, what: Callable[[], Any], found: str, do: str) -> None:
-        try:
-            what()
-        except (OSError, UnicodeError) as error:
-            self._drop()
-            why = (getattr(error, "strerror", "") or str(error)).lower()
-            raise self.error(f"{found} ({why})", f"the {self._device}", do) from None

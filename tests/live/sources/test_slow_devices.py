@@ -1,0 +1,146 @@
+"""A device that is slow, and sound, is taken: behind a gateway, a VPN, or just begun; what is too old is not used."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+
+from contactwrench.lab.ft300 import Ft300
+from contactwrench.lab.netft import NetFt
+from contactwrench.lab.sri import Sri
+from contactwrench.lab.ur import Ur
+from contactwrench.live.devices import probed
+from contactwrench.live.source import Batch
+from contactwrench.live.sources import transport
+from contactwrench.live.sources.ft300 import OLD, Ft300Decoder
+from contactwrench.live.uri import source_of
+from tests.support.devices import numbered, read, refusal
+
+SLOW = 3.2
+"""s until it says something."""
+
+
+def opened(made: Callable[..., Any], late: float) -> str:
+    """The device's name, or why it was refused."""
+    with made(numbered()) as fake:
+        (fake.silence if made is NetFt else fake.late)(late)
+        source = source_of(fake.uri)
+        try:
+            return str(source.open().name)
+        finally:
+            source.close()
+
+
+def test_a_device_that_takes_seconds_to_answer_is_taken() -> None:
+    cases = {Ft300: SLOW, NetFt: 1.6, Ur: 0.8, Sri: 0.8}
+    with ThreadPoolExecutor(4) as pool:
+        names = list(pool.map(opened, cases, cases.values()))
+    assert names == [
+        "Robotiq FT 300",
+        "ATI Virtual Net F/T",
+        "Universal Robots e-series, PolyScope 5.15.0",
+        "SRI M8128",
+    ]
+
+
+def test_the_first_line_may_take_seconds() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor(1) as pool:
+        source = source_of(f"tcp://127.0.0.1:{server.getsockname()[1]}")
+        opening = pool.submit(source.open)
+        connection, _ = server.accept()
+        sleep(SLOW)
+        connection.sendall(b'{"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}\n')
+        assert opening.result().wrench
+        source.close()
+        connection.close()
+
+
+def test_a_box_on_a_slow_network_is_heard_to_the_end() -> None:
+    """Its rate above all, by which its samples are timed: unheard it was taken to be 1000 Hz."""
+    with Sri(numbered(), 500.0) as fake:
+        fake.late(0.4)
+        source = source_of(fake.uri)
+        about = source.open()
+        source.close()
+    assert about.rate == 500.0
+    assert "not confirmed by the box" not in about.settings.values()
+
+
+def test_a_device_that_never_answers_is_refused_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert transport.PATIENCE == 10.0
+    monkeypatch.setattr(transport, "PATIENCE", 0.5)
+    with Ft300(numbered()) as fake:
+        fake.silence(5.0)
+        begun = monotonic()
+        assert refusal(source_of(fake.uri)) == (
+            f"{fake.uri}: found no answer, expected six Modbus registers from 180 on: check that this is the Robotiq "
+            "FT 300, and that no one else uses it"
+        )
+        assert monotonic() - begun < 2.0
+
+
+@pytest.mark.parametrize("lost", [0, 2, 3])
+def test_to_connect_is_tried_again(lost: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first packet on a network is lost more easily than others: who is where is not known yet."""
+    connected, tried = transport.Tcp._connected, []
+
+    def lossy(*given: Any) -> str:
+        tried.append(given)
+        return "no answer" if len(tried) <= lost else connected(*given)
+
+    monkeypatch.setattr(transport.Tcp, "_connected", lossy)
+    with Ft300(numbered()) as fake:
+        source = source_of(fake.uri)
+        if lost == 3:
+            assert "found no answer at 127.0.0.1 port" in refusal(source)
+        else:
+            assert source.open().wrench
+        source.close()
+    assert len(tried) == min(lost + 1, 3)
+
+
+def test_a_gateway_to_a_serial_line_gives_what_that_can() -> None:
+    """The sensor has no other: 44 of the 100 samples a second that it was asked for were another rate, and refused."""
+    with Ft300(numbered()) as fake:
+        fake.late(0.022)
+        source = source_of(fake.uri)
+        about, early = probed(source, wrench=True, orientation=False)
+        early.add(read(source, 1.0))
+        source.close()
+    assert about.rate is None
+    assert 20 < len(early.samples) < 60
+    assert not any(sample.flaw for sample in early.samples)
+
+
+def answer(number: int) -> bytes:
+    """A Modbus answer of zeros, to the question of this number."""
+    return number.to_bytes(2) + bytes([0, 0, 0, 15, 9, 3, 12]) + bytes(12)
+
+
+def test_an_answer_to_an_earlier_question_is_late() -> None:
+    """A gateway that is behind answers what was asked half a second ago, for ever, and it looked like now."""
+    decoder, batch = Ft300Decoder(serial=False), Batch()
+    decoder.number = 7
+    for number in (5, 6, 7):
+        decoder.feed(answer(number), 1.0, batch)
+    assert [sample.flaw for sample in batch.samples] == [OLD, OLD, ""]
+    assert (
+        OLD == "late: it answers a question of 0.5 s ago or more: let one program alone ask, or take a faster gateway"
+    )
+
+
+def test_a_gateway_that_is_behind_is_not_believed() -> None:
+    with Ft300(numbered()) as fake:
+        source = source_of(fake.uri)
+        source.open()
+        assert not any(sample.flaw for sample in read(source, 0.3).samples)
+        fake.late(0.7)
+        slow = read(source, 3.0).samples
+        source.close()
+    assert len(slow) > 2
+    assert {sample.flaw for sample in slow[1:]} == {OLD}
