@@ -33,6 +33,11 @@ MODEL_OF_AUTO = "mount+base"
 CLOSE_RIVAL = 6.0
 """Natural logarithm of the odds, up to which another place to begin is looked at closely."""
 
+AS_GOOD = 15.0
+"""Of what the best response to the orientation leaves, with 54 numbers, over the poses beyond 10: no more than twice
+what noise gives a tool with its 9 in addition, so that no other place to begin leaves less but by chance.
+"""
+
 MOST_JUDGED = 2_000
 """Poses: of more, rows taken on the way most often, none is left out, and the bias is taken to be steady."""
 
@@ -169,8 +174,13 @@ def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = No
     both = np.column_stack([R.reshape(-1, 9), wrench])
     rows: Array = np.linalg.qr(both - both.mean(axis=0)).R  # few, with the moments of all
     wide = Hypothesis(None if search.any_mounting else WIDE, None if search.any_base else WIDE, (False, False), 0.0)
-    reached = (_approached(problem, guess, rows, len(wrench), wide) for guess in guesses)
-    return min(reached, key=lambda misfit_and_tool: misfit_and_tool[0])[1]
+    beyond_tools = float(np.sum(rows[9:, 9:] ** 2 / relative_variances(problem.question.noise)))
+    best, enough = (np.inf, guesses[0]), beyond_tools * (1.0 + AS_GOOD / max(len(wrench) - 10.0, 1.0))
+    for guess in guesses:
+        best = min(best, _approached(problem, guess, rows, len(wrench), wide), key=lambda reached: reached[0])
+        if best[0] < enough:
+            break
+    return best[1]
 
 
 def _approached(
