@@ -16,20 +16,15 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 
 
-def precision_times(columns: Array, strength: float, variance: Array, values: Array) -> Array:
-    """`K^-1 values` (n, m) for K = diag(variance) + strength^2 columns columns^T (inversion lemma)."""
-    scaled = values / variance[:, None]
-    if strength == 0.0 or not columns.shape[1]:
-        return scaled
-    L = strength * columns
-    weighted = L / variance[:, None]
-    inner = np.linalg.solve(np.eye(L.shape[1]) + L.T @ weighted, L.T @ scaled)
-    return scaled - weighted @ inner
+def precision_times(L: Array, variance: Array, values: Array) -> Array:
+    """`K^-1 values` (..., n, m) for K = diag(variance) + L L^T, L (..., n, q) (inversion lemma)."""
+    scaled, weighted, across = values / variance[:, None], L / variance[:, None], np.swapaxes(L, -1, -2)
+    inner = np.linalg.solve(np.eye(L.shape[-1]) + across @ weighted, across @ scaled)
+    return np.asarray(scaled - weighted @ inner)
 
 
-def precision_diagonal(columns: Array, strength: float, variance: Array) -> Array:
+def precision_diagonal(L: Array, variance: Array) -> Array:
     """The diagonal (n,) of that `K^-1`."""
-    L = strength * columns
     weighted = L / variance[:, None]
     inner = np.linalg.solve(np.eye(L.shape[1]) + L.T @ weighted, weighted.T)
     return np.asarray(1.0 / variance - np.einsum("nq,qn->n", weighted, inner))
@@ -47,23 +42,28 @@ class AlikeOnAxes:
     columns: Array
     strength: float
 
+    @cached_property
+    def drift(self) -> Array:
+        """What the poses kept have in common, (m, q), alike on each axis, as independent parts of unit size."""
+        return self.strength * self.columns[self.kept]
+
     def precision_times(self, values: Array) -> Array:
         """`V^-1 values` of the poses kept, (m, 6, c)."""
         flat = values.reshape(len(values), -1)
-        weighted = precision_times(self.columns[self.kept], self.strength, self.relative[self.kept], flat)
+        weighted = precision_times(self.drift, self.relative[self.kept], flat)
         return np.asarray(weighted.reshape(values.shape) / self.variance[:, None])
 
     def constant(self, values: Array) -> tuple[Array, Array]:
         """The constant (6, c) nearest to `values` (m, 6, c), and the covariance (6, 6) of one that errors leave."""
         one = np.ones((len(values), 1))
-        of_one = precision_times(self.columns[self.kept], self.strength, self.relative[self.kept], one)[:, 0]
+        of_one = precision_times(self.drift, self.relative[self.kept], one)[:, 0]
         mean = (of_one @ values.reshape(len(values), -1) / of_one.sum()).reshape(values.shape[1:])
         return mean, np.diag(self.variance / of_one.sum())
 
     @property
     def precision_blocks(self) -> Array:
         """The blocks (m, 6, 6) of V^-1 on its diagonal."""
-        diagonal = precision_diagonal(self.columns[self.kept], self.strength, self.relative[self.kept])
+        diagonal = precision_diagonal(self.drift, self.relative[self.kept])
         return np.asarray(diagonal[:, None, None] * np.diag(1.0 / self.variance))
 
     @property
@@ -140,10 +140,10 @@ class Turned:
         """Of the poses kept, (m,)."""
         return self.base.relative[self.base.kept]
 
-    @cached_property
+    @property
     def drift(self) -> Array:
-        """The drift of the poses kept, (m, q), alike on each axis, as independent parts of unit size."""
-        return self.base.strength * self.base.columns[self.base.kept]
+        """That of the base, (m, q)."""
+        return self.base.drift
 
     @cached_property
     def turned(self) -> Array:

@@ -8,7 +8,7 @@ from ..calibration.findings import BIAS_MOVED, Kind
 from ..geometry.arrays import Array
 from ..model import matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
 from .beliefs import beliefs_of
-from .error_covariance import Turned
+from .error_covariance import Turned, precision_times
 from .estimate import IN_DOUBT, RigidEstimate
 from .noise import MOST_DOF, PoseReadings
 from .outliers import probability_of_a_level
@@ -180,19 +180,27 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
     """Of each member: the mean error (m, 6) that the last bias is read off, that of its derivatives (m, 6, p - 6), and
     the covariance (m, 6, 6) of the bias, were all else known.
     """
-    m, kept, columns = table.members, table.kept, problem.columns
-    J = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)[:, :, columns]
-    found: dict[tuple[int, int], tuple[Array, Array]] = {}
-    own = np.zeros((len(m.kernel), 6, 6))
-    mean = np.zeros((len(m.kernel), 6, len(columns) + 1))
-    for member, which in enumerate(zip(m.kernel.tolist(), m.robot.tolist(), strict=True)):
-        if which not in found:
-            V, root = covariance_of_errors(problem, table, member), np.sqrt(m.variance[member])
-            errors = problem.errors(table.tool, float(m.turn[member]))[kept, :, None]
-            constant, covariance = V.constant(np.concatenate([J, errors], axis=2))
-            found[which] = constant, covariance / np.outer(root, root)
-        root = np.sqrt(m.variance[member])
-        mean[member], own[member] = found[which][0], found[which][1] * np.outer(root, root)
+    m, kept, relative = table.members, table.kept, problem.relative[table.kept]
+    J = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)[:, :, problem.columns]
+    mean, own = np.zeros((len(m.kernel), 6, J.shape[2] + 1)), np.zeros((len(m.kernel), 6, 6))
+
+    def told(turn: float) -> Array:
+        return np.concatenate([J, problem.errors(table.tool, turn)[kept, :, None]], axis=2)
+
+    untouched = np.flatnonzero(m.robot < 0)
+    if len(untouched):
+        kernels, of_member = np.unique(m.kernel[untouched], return_inverse=True)
+        L = table.kernels.at_poses(kernels, kept)
+        of_one = precision_times(L, relative, np.ones((len(relative), 1)))[..., 0]
+        total = of_one.sum(axis=-1)
+        means = (of_one @ told(0.0).reshape(len(relative), -1)).reshape(-1, *mean.shape[1:])
+        mean[untouched] = (means / total[:, None, None])[of_member]
+        own[untouched[:, None], range(6), range(6)] = m.variance[untouched] / total[of_member, None]
+    for kernel, robot in sorted(set(zip(m.kernel.tolist(), m.robot.tolist(), strict=True))):
+        if robot >= 0:
+            alike = np.flatnonzero((m.kernel == kernel) & (m.robot == robot))
+            V = covariance_of_errors(problem, table, int(alike[0]))
+            mean[alike], own[alike] = V.constant(told(float(m.turn[alike[0]])))
     return mean[:, :, -1], mean[:, :, :-1], own
 
 
