@@ -39,22 +39,35 @@ Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """S (k, 15, 15) for a stack of kernels, `log_determinant` (k,) of K where a constant was taken out, `n` poses."""
+    """Gram matrices (k, 6, p + 1, p + 1) of derivatives and errors on each axis for a stack of kernels, the
+    `log_determinant` (k,) of K where a constant was taken out, `n` poses.
+    """
 
-    S: Array
+    gram: Array
     log_determinant: Array
     n: int
 
 
-def moments_of(X: Array, variance: Array, kernels: Kernels) -> Moments:
-    """The moments of rows X (n, 15) with relative variances (n,) under each kernel, with columns for the same poses."""
+def columns_of_axes(tool: RigidTool, names: tuple[str, ...]) -> Array:
+    """W (6, p + 1, 15): derivatives and error of each axis are `W @ [vec(R), error]`."""
+    J = response_jacobian(tool, names)
+    W = np.zeros((6, len(J) + 1, 15))
+    W[:, :-1, :9] = J.transpose(1, 0, 2)
+    W[range(6), -1, range(9, 15)] = 1.0
+    return W
+
+
+def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array) -> Moments:
+    """The moments W S W^T of rows X (n, 15) with relative variances (n,) under each kernel, with columns for the same
+    poses; W (a, c, 15).
+    """
     root = np.sqrt(variance)
     rows, one = X / root[:, None], 1.0 / root
     count = float(one @ one)
     centred = rows - np.outer(one, one @ rows / count)
-    steady = centred.T @ centred
-    S = np.broadcast_to(steady, (len(kernels.drift), 15, 15)).copy()
-    determinant = np.full(len(S), float(np.sum(np.log(variance)) + np.log(count)))
+    steady = W @ (centred.T @ centred) @ W.transpose(0, 2, 1)
+    G = np.broadcast_to(steady, (len(kernels.drift), *steady.shape)).copy()
+    determinant = np.full(len(G), float(np.sum(np.log(variance)) + np.log(count)))
     columns = np.array([kernels.drifts[k].columns.shape[1] for k in kernels.drift])
 
     single = np.flatnonzero(columns == 1)
@@ -63,20 +76,20 @@ def moments_of(X: Array, variance: Array, kernels: Kernels) -> Moments:
         h = np.concatenate([kernels.drifts[k].columns for k in drifts], axis=1) / root[:, None]
         h = h - np.outer(one, one @ h / count)
         length = np.sum(h * h, axis=0)
-        along = (centred.T @ h)[:, of_kernel].T
+        along = (W @ (centred.T @ h)).transpose(2, 0, 1)
         squared = kernels.strength[single] ** 2
         share = squared / (1.0 + squared * length[of_kernel])
-        S[single] -= share[:, None, None] * along[:, :, None] * along[:, None, :]
+        G[single] -= share[:, None, None, None] * (along[..., None] * along[..., None, :])[of_kernel]
         determinant[single] += np.log1p(squared * length[of_kernel])
     for drift in np.unique(kernels.drift[columns > 1]):
         here = np.flatnonzero(kernels.drift == drift)
         L = kernels.drifts[drift].columns / root[:, None]
         U, s, _ = np.linalg.svd(L - np.outer(one, one @ L / count), full_matrices=False)
         eigenvalue = np.multiply.outer(kernels.strength[here] ** 2, s**2)
-        Z = centred.T @ U
-        S[here] -= (Z * (eigenvalue / (1.0 + eigenvalue))[:, None, :]) @ Z.T
+        Z = W @ (centred.T @ U)
+        G[here] -= (Z * (eigenvalue / (1.0 + eigenvalue))[:, None, None, :]) @ Z.transpose(0, 2, 1)
         determinant[here] += np.log1p(eigenvalue).sum(axis=1)
-    return Moments(S, determinant, len(X))
+    return Moments(G, determinant, len(X))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,18 +159,7 @@ class Members:
         return Members(*joined)
 
 
-def gram(tool: RigidTool, names: tuple[str, ...], S: Array) -> Array:
-    """Gram matrices (k, 6, p + 1, p + 1) of derivatives and errors, moments S (k, 15, 15) of [vec(R), error]."""
-    J = response_jacobian(tool, names)
-    W = np.zeros((6, len(J) + 1, 15))
-    W[:, :-1, :9] = J.transpose(1, 0, 2)
-    W[range(6), -1, range(9, 15)] = 1.0
-    wide = W.reshape(-1, 15) @ S  # (k, 6 (p + 1), 15)
-    return np.asarray(wide.reshape(len(S), 6, -1, 15) @ W.transpose(0, 2, 1))
-
-
 def solved(
-    G: Array,
     moments: Moments,
     kernels: Kernels,
     priors: Priors,
@@ -171,7 +173,7 @@ def solved(
     first pass has, None: those of `noise`.
     """
     kernel, hypothesis = pairs
-    own, m, p = G[kernel], len(kernel), G.shape[-1] - 1
+    own, m, p = moments.gram[kernel], len(kernel), moments.gram.shape[-1] - 1
     at_tool = own[:, :, p, p]
     information, pull = priors.information[hypothesis], priors.pull[hypothesis]
     apart = priors.apart[hypothesis]
@@ -222,7 +224,7 @@ def solved(
     left = passes - k - 1
     if len(moving) and left:
         pairs = kernel[moving], hypothesis[moving]
-        return found.with_rows(moving, solved(G, moments, kernels, priors, pairs, noise, left, log_variance[moving]))
+        return found.with_rows(moving, solved(moments, kernels, priors, pairs, noise, left, log_variance[moving]))
     return found
 
 

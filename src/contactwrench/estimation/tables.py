@@ -18,7 +18,7 @@ from ..model import RigidTool, response, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
 from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned
 from .hypotheses import Hypothesis
-from .least_squares import Members, Priors, gram, moments_of, solved
+from .least_squares import Members, Priors, columns_of_axes, moments_of, solved
 from .outliers import log_density_outlying, log_prior_outlying
 from .problem import Problem
 from .robot_errors import ODDS, likely_with, turns_across_gravity
@@ -114,19 +114,18 @@ def _untouched(
     n = len(problem.wrench)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
     kernels = problem.kernels.select(among)
-    moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
-    G = gram(tool, problem.names, moments.S)
+    moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept), columns_of_axes(tool, problem.names))
     priors = problem.priors_at(tool, hypotheses)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
     if len(k) > FEW_PAIRS:
         each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)
-        looked_at = solved(G, moments, kernels, priors, (each, widest), problem.noise, LOOK)
+        looked_at = solved(moments, kernels, priors, (each, widest), problem.noise, LOOK)
         rough = looked_at.log_evidence + _log_plausible(tool, kernels, looked_at)
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
-        looked_at = solved(G, moments, kernels, priors, (likeliest, each), problem.noise, LOOK)
+        looked_at = solved(moments, kernels, priors, (likeliest, each), problem.noise, LOOK)
         of_hypotheses = looked_at.log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
-    members = solved(G, moments, kernels, priors, (k, h), problem.noise)
+    members = solved(moments, kernels, priors, (k, h), problem.noise)
     log_evidence = members.log_evidence + _log_plausible(tool, kernels, members)
     members = replace(members, kernel=among[k], log_evidence=log_evidence)
     return Table(tool, priors, hypotheses, kept, problem.kernels, _near(members))
