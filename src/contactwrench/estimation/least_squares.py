@@ -66,7 +66,7 @@ def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array) -> Moments
     count = float(one @ one)
     centred = rows - np.outer(one, one @ rows / count)
     steady = W @ (centred.T @ centred) @ W.transpose(0, 2, 1)
-    G = np.broadcast_to(steady, (len(kernels.drift), *steady.shape)).copy()
+    G = np.tile(steady, (len(kernels.drift), 1, 1, 1))
     determinant = np.full(len(G), float(np.sum(np.log(variance)) + np.log(count)))
     columns = np.array([kernels.drifts[k].columns.shape[1] for k in kernels.drift])
 
@@ -76,19 +76,23 @@ def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array) -> Moments
         h = np.concatenate([kernels.drifts[k].columns for k in drifts], axis=1) / root[:, None]
         h = h - np.outer(one, one @ h / count)
         length = np.sum(h * h, axis=0)
-        along = (W @ (centred.T @ h)).transpose(2, 0, 1)
+        along = np.ascontiguousarray((W @ (centred.T @ h)).transpose(2, 0, 1))
         squared = kernels.strength[single] ** 2
         share = squared / (1.0 + squared * length[of_kernel])
-        G[single] -= share[:, None, None, None] * (along[..., None] * along[..., None, :])[of_kernel]
+        of_each = (along[..., None] * along[..., None, :])[of_kernel]
+        of_each *= -share[:, None, None, None]  # in place, as they are many
+        of_each += steady
+        G[single] = of_each
         determinant[single] += np.log1p(squared * length[of_kernel])
     for drift in np.unique(kernels.drift[columns > 1]):
         here = np.flatnonzero(kernels.drift == drift)
         L = kernels.drifts[drift].columns / root[:, None]
-        U, s, _ = np.linalg.svd(L - np.outer(one, one @ L / count), full_matrices=False)
-        eigenvalue = np.multiply.outer(kernels.strength[here] ** 2, s**2)
-        Z = W @ (centred.T @ U)
-        G[here] -= (Z * (eigenvalue / (1.0 + eigenvalue))[:, None, None, :]) @ Z.transpose(0, 2, 1)
-        determinant[here] += np.log1p(eigenvalue).sum(axis=1)
+        L = L - np.outer(one, one @ L / count)
+        length, vectors = np.linalg.eigh(L.T @ L)
+        squared = kernels.strength[here, None] ** 2
+        Z = W @ (centred.T @ L @ vectors)
+        G[here] -= (Z * (squared / (1.0 + squared * length))[:, None, None, :]) @ Z.transpose(0, 2, 1)
+        determinant[here] += np.log1p(squared * length).sum(axis=1)
     return Moments(G, determinant, len(X))
 
 
