@@ -98,7 +98,7 @@ class Kernels:
         return Kernels(self.drifts, self.drift[kept], self.strength[kept], self.log_prior[kept])
 
     def at_poses(self, kernel: NDArray[np.intp], kept: NDArray[np.bool_]) -> Array:
-        """What the poses kept have in common under each `kernel` (k,), (k, m, q), fewer columns filled up with zeros."""
+        """What the poses kept have in common under each `kernel` (k,), (k, m, q), fewer columns filled with zeros."""
         each = [self.strength[k] * self.drifts[self.drift[k]].columns[kept] for k in kernel.tolist()]
         stack = np.zeros((len(each), int(kept.sum()), max(columns.shape[1] for columns in each)))
         for own, columns in zip(stack, each, strict=True):

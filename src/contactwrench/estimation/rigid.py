@@ -170,17 +170,16 @@ def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = No
     """The most promising guess, brought close to its optimum under a steady bias."""
     kept = np.ones(len(problem.wrench), dtype=bool) if kept is None else kept
     R, wrench = problem.R_base_flange[kept], problem.wrench[kept]
-    guesses = initial_guesses(R, wrench, search, problem.question.gravity_direction)
     both = np.column_stack([R.reshape(-1, 9), wrench])
     rows: Array = np.linalg.qr(both - both.mean(axis=0)).R  # few, with the moments of all
     wide = Hypothesis(None if search.any_mounting else WIDE, None if search.any_base else WIDE, (False, False), 0.0)
     beyond_tools = float(np.sum(rows[9:, 9:] ** 2 / relative_variances(problem.question.noise)))
-    best, enough = (np.inf, guesses[0]), beyond_tools * (1.0 + AS_GOOD / max(len(wrench) - 10.0, 1.0))
-    for guess in guesses:
-        best = min(best, _approached(problem, guess, rows, len(wrench), wide), key=lambda reached: reached[0])
-        if best[0] < enough:
+    enough, reached = beyond_tools * (1.0 + AS_GOOD / max(len(wrench) - 10.0, 1.0)), list[tuple[float, RigidTool]]()
+    for guess in initial_guesses(R, wrench, search, problem.question.gravity_direction):
+        reached.append(_approached(problem, guess, rows, len(wrench), wide))
+        if reached[-1][0] < enough:
             break
-    return best[1]
+    return min(reached, key=lambda misfit_and_tool: misfit_and_tool[0])[1]
 
 
 def _approached(

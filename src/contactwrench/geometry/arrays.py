@@ -84,6 +84,8 @@ class ReadOnlyDict(dict[str, Any]):
 
 def frozen(values: Any) -> Any:
     """The same that nobody can change: read-only copies of arrays, tuples for lists, `ReadOnlyDict`s; else as it is."""
+    if values is None or type(values) in (float, int, str):
+        return values
     if isinstance(values, np.ndarray):
         return _frozen(values, FLOAT64 if values.dtype.kind == "f" else values.dtype)
     if type(values) in (list, tuple):
@@ -105,8 +107,7 @@ class Frozen(Sealed):
     """A base of frozen results in which every field is `frozen`."""
 
     def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        self.__setstate__(vars(self))
 
 
 def column(*row: int, kind: DTypeLike = np.float64) -> dict[str, Any]:
