@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 from ..model import RigidTool, response_jacobian
 from .bias_drift import Kernels
-from .noise import NoiseModel
+from .noise import LEAST_DOF, NoiseModel
 from .priors import PriorRows
 
 MOST_PASSES = 12
@@ -32,7 +32,7 @@ SETTLED = 1e-2
 STILL_MOVING = 0.25
 """Of a stack: when no more are, these go on alone, as a pass costs what its stack is large (a fifth of `auto`)."""
 
-RIDGE = 1e-12
+RIDGE, MOST_TAKEN = 1e-12, 1.0 - 1e-9
 
 Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -61,39 +61,46 @@ def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array) -> Moments
     """The moments W S W^T of rows X (n, 15) with relative variances (n,) under each kernel, with columns for the same
     poses; W (a, c, 15).
     """
-    root = np.sqrt(variance)
-    rows, one = X / root[:, None], 1.0 / root
-    count = float(one @ one)
-    centred = rows - np.outer(one, one @ rows / count)
-    steady = W @ (centred.T @ centred) @ W.transpose(0, 2, 1)
+    rows = _centred(X, variance)
+    steady = W @ (rows.T @ rows) @ W.transpose(0, 2, 1)
     G = np.tile(steady, (len(kernels.drift), 1, 1, 1))
-    determinant = np.full(len(G), float(np.sum(np.log(variance)) + np.log(count)))
-    columns = np.array([kernels.drifts[k].columns.shape[1] for k in kernels.drift])
-
-    single = np.flatnonzero(columns == 1)
-    if len(single):
-        drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)
-        h = np.concatenate([kernels.drifts[k].columns for k in drifts], axis=1) / root[:, None]
-        h = h - np.outer(one, one @ h / count)
-        length = np.sum(h * h, axis=0)
-        along = np.ascontiguousarray((W @ (centred.T @ h)).transpose(2, 0, 1))
-        squared = kernels.strength[single] ** 2
-        share = squared / (1.0 + squared * length[of_kernel])
-        of_each = (along[..., None] * along[..., None, :])[of_kernel]
-        of_each *= -share[:, None, None, None]  # in place, as they are many
-        of_each += steady
-        G[single] = of_each
-        determinant[single] += np.log1p(squared * length[of_kernel])
-    for drift in np.unique(kernels.drift[columns > 1]):
-        here = np.flatnonzero(kernels.drift == drift)
-        L = kernels.drifts[drift].columns / root[:, None]
-        L = L - np.outer(one, one @ L / count)
+    determinant = np.full(len(G), float(np.sum(np.log(variance)) + np.log(np.sum(1.0 / variance))))
+    for drift in np.unique(kernels.drift[kernels.drift > 0]):
+        here, L = np.flatnonzero(kernels.drift == drift), _centred(kernels.drifts[drift].columns, variance)
         length, vectors = np.linalg.eigh(L.T @ L)
         squared = kernels.strength[here, None] ** 2
-        Z = W @ (centred.T @ L @ vectors)
+        Z = W @ (rows.T @ L @ vectors)
         G[here] -= (Z * (squared / (1.0 + squared * length))[:, None, None, :]) @ Z.transpose(0, 2, 1)
         determinant[here] += np.log1p(squared * length).sum(axis=1)
     return Moments(G, determinant, len(X))
+
+
+def _centred(rows: Array, variance: Array) -> Array:
+    """Rows (n, c) over the roots of their variances (n,), a constant taken out."""
+    root = np.sqrt(variance)
+    mean = (1.0 / variance) @ rows / np.sum(1.0 / variance)
+    return np.asarray((rows - mean) / root[:, None])
+
+
+def log_odds_beside(X: Array, variance: Array, kernels: Kernels, W: Array, steady: Members) -> Array:
+    """Logarithm (k,) of the odds of kernels of one column against a steady bias, whose solution is `steady`: axes apart
+    and, of each, the noise as the column leaves it; of others infinity.
+    """
+    odds, columns = np.full(len(kernels.drift), np.inf), np.array([drift.columns.shape[1] for drift in kernels.drifts])
+    single = np.flatnonzero(columns[kernels.drift] == 1)
+    drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)
+    if not len(single):
+        return odds
+    h = _centred(np.concatenate([kernels.drifts[drift].columns for drift in drifts], axis=1), variance)
+    along, noise, dof = (W @ (_centred(X, variance).T @ h)).transpose(2, 0, 1), steady.variance[0], steady.dof[0]
+    pull, along = along @ np.append(-steady.step[0], 1.0), along[:, :, :-1]
+    length = np.sum(h**2, axis=0)[:, None] - np.sum((along @ steady.covariance[0]) * along, axis=2) / noise
+    squared = kernels.strength[single, None] ** 2
+    grown = squared * np.maximum(length, 0.0)[of_kernel]
+    taken = squared * (pull**2 / noise)[of_kernel] / (1.0 + grown) / np.maximum(dof, LEAST_DOF)
+    gain = -dof * np.log1p(-np.minimum(taken, MOST_TAKEN)) - np.log1p(grown)
+    odds[single] = kernels.log_prior[single] + 0.5 * gain.sum(axis=1)
+    return odds
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from ..model import RigidTool, response, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
 from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned
 from .hypotheses import Hypothesis
-from .least_squares import Members, Priors, columns_of_axes, moments_of, solved
+from .least_squares import Members, Priors, columns_of_axes, log_odds_beside, moments_of, solved
 from .outliers import log_density_outlying, log_prior_outlying
 from .problem import Problem
 from .robot_errors import ODDS, likely_with, turns_across_gravity
@@ -29,6 +29,9 @@ FAR = 10.0
 
 NEAR = 12.0
 """The same after a rough look, kernels and hypotheses apart."""
+
+NEAR_AT_A_GLANCE, MANY_KERNELS = 16.0, 40
+"""The same against a steady bias, of one column with the tool nearly held; of fewer kernels all are looked at."""
 
 LOOK = 2
 """Passes of a rough look."""
@@ -111,11 +114,15 @@ def _untouched(
     """The members in which the robot's orientation is right: every kernel under the widest hypothesis, every hypothesis
     under the likeliest kernel, both roughly, and then the pairs that come near the best.
     """
-    n = len(problem.wrench)
+    n, relative, W = len(problem.wrench), problem.relative[kept], columns_of_axes(tool, problem.names)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
-    kernels = problem.kernels.select(among)
-    moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept), columns_of_axes(tool, problem.names))
-    priors = problem.priors_at(tool, hypotheses)
+    priors, kernels = problem.priors_at(tool, hypotheses), problem.kernels.select(among).of_poses(kept)
+    if len(among) > MANY_KERNELS and among[0] == 0:
+        steady, widest = moments_of(X, relative, kernels.select(among[:1]), W), np.array([len(hypotheses) - 1])
+        found = solved(steady, kernels, priors, (among[:1], widest), problem.noise, LOOK)
+        shows = log_odds_beside(X, relative, kernels, W, found) > -NEAR_AT_A_GLANCE
+        among, kernels = among[shows], kernels.select(np.flatnonzero(shows))
+    moments = moments_of(X, relative, kernels, W)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
     if len(k) > FEW_PAIRS:
         each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)
