@@ -89,9 +89,7 @@ def log_odds_beside(X: Array, variance: Array, kernels: Kernels, W: Array, stead
     odds, columns = np.full(len(kernels.drift), np.inf), np.array([drift.columns.shape[1] for drift in kernels.drifts])
     single = np.flatnonzero(columns[kernels.drift] == 1)
     drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)
-    if not len(single):
-        return odds
-    h = _centred(np.concatenate([kernels.drifts[drift].columns for drift in drifts], axis=1), variance)
+    h = _centred(np.hstack([np.zeros((len(X), 0)), *(kernels.drifts[k].columns for k in drifts)]), variance)
     along, noise, dof = (W @ (_centred(X, variance).T @ h)).transpose(2, 0, 1), steady.variance[0], steady.dof[0]
     pull, along = along @ np.append(-steady.step[0], 1.0), along[:, :, :-1]
     length = np.sum(h**2, axis=0)[:, None] - np.sum((along @ steady.covariance[0]) * along, axis=2) / noise

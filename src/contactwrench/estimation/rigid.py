@@ -25,6 +25,7 @@ from .priors import Question, tool_of
 from .problem import Problem
 from .robot_errors import turns_of_robot
 from .tables import Table, near_kernels, settled, table_at
+from .variance_components import inverse_of
 
 RIGID_MODELS = ("auto", *SEARCH_OF_MODEL)
 """With one weight."""
@@ -42,7 +43,7 @@ MOST_JUDGED = 2_000
 """Poses: of more, rows taken on the way most often, none is left out, and the bias is taken to be steady."""
 
 SETTLE_ITERATIONS = 15
-CLOSE = 1.0
+CLOSE = 0.3
 """Standard deviations: a shorter step leads to the optimum, as near as need be."""
 
 WIDE = 0.1
@@ -197,11 +198,9 @@ def _approached(
         J = (response_jacobian(tool, problem.names) * root[:, None]).transpose(1, 0, 2)
         D: Array = (R @ J.reshape(-1, 9).T).reshape(errors.size, -1)
         known = problem.priors_at(tool, (wide,))
-        information = scale * D.T @ D + known.information[0]
-        unit = np.sqrt(np.maximum(np.diag(information), 0.0)) + 1e-100
-        scaled = information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
-        step = np.linalg.solve(scaled, (scale * errors @ D + known.pull[0]) / unit) / unit
+        covariance = inverse_of(scale * D.T @ D + known.information[0])
+        step = covariance @ (scale * errors @ D + known.pull[0])
         tool = problem.stepped(tool, step)
-        if float(np.max(np.abs(step) * unit)) < CLOSE:
+        if float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)))) < CLOSE:
             break
     return misfit, tool

@@ -30,14 +30,14 @@ FAR = 10.0
 NEAR = 12.0
 """The same after a rough look, kernels and hypotheses apart."""
 
-NEAR_AT_A_GLANCE, MANY_KERNELS = 16.0, 40
-"""The same against a steady bias, of one column with the tool nearly held; of fewer kernels all are looked at."""
+NEAR_AT_A_GLANCE = 16.0
+"""The same against a steady bias, of kernels of one column before any of them is solved."""
 
 LOOK = 2
 """Passes of a rough look."""
 
 FEW_PAIRS = 60
-"""Of kernels and hypotheses, of which each is looked at closely."""
+"""Of kernels and hypotheses, of which each is looked at closely; or of kernels, at none of which with a glance."""
 
 STRAIGHT, BENT = 0.01, 1.0
 """Standard deviations that readings and priors differ from their linearisation: up to the first it will do, from the
@@ -111,17 +111,17 @@ def _untouched(
     hypotheses: tuple[Hypothesis, ...],
     among: NDArray[np.intp],
 ) -> Table:
-    """The members in which the robot's orientation is right: every kernel under the widest hypothesis, every hypothesis
-    under the likeliest kernel, both roughly, and then the pairs that come near the best.
+    """The members in which the robot's orientation is right: every kernel that shows under the widest hypothesis, every
+    hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
     """
     n, relative, W = len(problem.wrench), problem.relative[kept], columns_of_axes(tool, problem.names)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
     priors, kernels = problem.priors_at(tool, hypotheses), problem.kernels.select(among).of_poses(kept)
-    if len(among) > MANY_KERNELS and among[0] == 0:
+    if len(among) > FEW_PAIRS and among[0] == 0:
         steady, widest = moments_of(X, relative, kernels.select(among[:1]), W), np.array([len(hypotheses) - 1])
-        found = solved(steady, kernels, priors, (among[:1], widest), problem.noise, LOOK)
-        shows = log_odds_beside(X, relative, kernels, W, found) > -NEAR_AT_A_GLANCE
-        among, kernels = among[shows], kernels.select(np.flatnonzero(shows))
+        alone = solved(steady, kernels, priors, (among[:1], widest), problem.noise, LOOK)
+        shows = np.flatnonzero(log_odds_beside(X, relative, kernels, W, alone) > -NEAR_AT_A_GLANCE)
+        among, kernels = among[shows], kernels.select(shows)
     moments = moments_of(X, relative, kernels, W)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
     if len(k) > FEW_PAIRS:
@@ -203,17 +203,13 @@ def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array
 
 def covariance_of_errors(problem: Problem, table: Table, member: int, without_kernel: bool = False) -> ErrorCovariance:
     """Of all poses, under a member; `without_kernel`: but for what its kernel has."""
-    m = table.members
-    columns = table.kernel_of(member)[0].columns
-    base = AlikeOnAxes(
-        table.kept, problem.relative, m.variance[member], columns, 0.0 if without_kernel else float(m.strength[member])
-    )
+    m, columns = table.members, table.kernel_of(member)[0].columns
+    strength = 0.0 if without_kernel else float(m.strength[member])
+    base = AlikeOnAxes(table.kept, problem.relative, m.variance[member], columns, strength)
     if m.robot[member] < 0:
         return base
-    alike = problem.robot[m.robot[member]]
-    return Turned(
-        base, turns_across_gravity(table.tool, problem.R_base_flange, alike, table.kept), float(m.turn[member])
-    )
+    turns = turns_across_gravity(table.tool, problem.R_base_flange, problem.robot[m.robot[member]], table.kept)
+    return Turned(base, turns, float(m.turn[member]))
 
 
 def settled(
