@@ -23,6 +23,16 @@ def precision_times(L: Array, variance: Array, values: Array) -> Array:
     return np.asarray(scaled - weighted @ inner)
 
 
+def in_common(L: Array, kept: NDArray[np.bool_], variance: Array, errors: Array) -> tuple[Array, Array]:
+    """`errors` (k, n, 6) less the constant nearest to those of the poses kept, whose covariance is diag(`variance`) +
+    L L^T, L (k, n, q), and what of that is known to be what these have in common, likewise of all poses.
+    """
+    own, one = L[:, kept], np.ones((len(variance), 1))
+    of_one = np.swapaxes(precision_times(own, variance, one), 1, 2)
+    errors = errors - of_one @ errors[:, kept] / of_one.sum(axis=2, keepdims=True)
+    return errors, L @ (np.swapaxes(own, 1, 2) @ precision_times(own, variance, errors[:, kept]))
+
+
 def precision_diagonal(L: Array, variance: Array) -> Array:
     """The diagonal (n,) of that `K^-1`."""
     weighted = L / variance[:, None]
@@ -52,13 +62,6 @@ class AlikeOnAxes:
         flat = values.reshape(len(values), -1)
         weighted = precision_times(self.drift, self.relative[self.kept], flat)
         return np.asarray(weighted.reshape(values.shape) / self.variance[:, None])
-
-    def constant(self, values: Array) -> tuple[Array, Array]:
-        """The constant (6, c) nearest to `values` (m, 6, c), and the covariance (6, 6) of one that errors leave."""
-        one = np.ones((len(values), 1))
-        of_one = precision_times(self.drift, self.relative[self.kept], one)[:, 0]
-        mean = (of_one @ values.reshape(len(values), -1) / of_one.sum()).reshape(values.shape[1:])
-        return mean, np.diag(self.variance / of_one.sum())
 
     @property
     def precision_blocks(self) -> Array:

@@ -16,7 +16,7 @@ from .posterior import deleted_errors
 from .priors import rows_of
 from .problem import Problem
 from .robot_errors import variance_of_turns
-from .tables import Table, covariance_of_errors, each_with_place, explained
+from .tables import Table, covariance_of_errors, each_with_place, explained, explained_by_kernels
 from .variance_components import inverse_of, log_spread
 
 FEWEST_DOF = 2.0
@@ -127,13 +127,14 @@ def _of_what_differs_anew(problem: Problem, tables: list[Table], weight: Array) 
     """
     added = np.zeros(6)
     for table, here in each_with_place(tables):
-        added += weight[here] @ table.members.turn**2 * variance_of_turns(table.tool, problem.R_base_flange)
-        for member, share in enumerate(weight[here]):
-            drift, strength = table.kernel_of(member)
-            if drift.kind in FOUND_AT_POSES:
-                added += share * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
-            elif drift.kind is Kind.CABLE:
-                added += share * strength**2 * table.members.variance[member]
+        m, share = table.members, weight[here]
+        added += share @ m.turn**2 * variance_of_turns(table.tool, problem.R_base_flange)
+        added += (share * m.strength**2 * (table.kinds == Kind.CABLE)) @ m.variance
+        at_poses = np.array([kind in FOUND_AT_POSES for kind in table.kinds])
+        if (alone := np.flatnonzero(at_poses & (m.robot < 0))).size:
+            added += share[alone] @ np.mean(explained_by_kernels(problem, table, alone)[1] ** 2, axis=1)
+        for member in np.flatnonzero(at_poses & (m.robot >= 0)).tolist():
+            added += share[member] * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
     return added
 
 
@@ -197,9 +198,8 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
         mean[untouched] = (means / total[:, None, None])[of_member]
         own[untouched[:, None], range(6), range(6)] = m.variance[untouched] / total[of_member, None]
     for kernel, robot in sorted(set(zip(m.kernel.tolist(), m.robot.tolist(), strict=True))):
-        if robot >= 0:
-            alike = np.flatnonzero((m.kernel == kernel) & (m.robot == robot))
-            V = covariance_of_errors(problem, table, int(alike[0]))
+        alike = np.flatnonzero((m.kernel == kernel) & (m.robot == robot))
+        if isinstance(V := covariance_of_errors(problem, table, int(alike[0])), Turned):
             mean[alike], own[alike] = V.constant(told(float(m.turn[alike[0]])))
     return mean[:, :, -1], mean[:, :, :-1], own
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 from ..model import RigidTool, response, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
-from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned
+from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned, in_common
 from .hypotheses import Hypothesis
 from .least_squares import Members, Priors, columns_of_axes, log_odds_beside, moments_of, solved
 from .outliers import log_density_outlying, log_prior_outlying
@@ -129,13 +129,12 @@ def _untouched(
         looked_at = solved(moments, kernels, priors, (each, widest), problem.noise, LOOK)
         rough = looked_at.log_evidence + _log_plausible(tool, kernels, looked_at)
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
-        looked_at = solved(moments, kernels, priors, (likeliest, each), problem.noise, LOOK)
-        of_hypotheses = looked_at.log_evidence
+        of_hypotheses = solved(moments, kernels, priors, (likeliest, each), problem.noise, LOOK).log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
     members = solved(moments, kernels, priors, (k, h), problem.noise)
-    log_evidence = members.log_evidence + _log_plausible(tool, kernels, members)
-    members = replace(members, kernel=among[k], log_evidence=log_evidence)
-    return Table(tool, priors, hypotheses, kept, problem.kernels, _near(members))
+    with_size = members.log_evidence + _log_plausible(tool, kernels, members)
+    members = _near(replace(members, kernel=among[k], log_evidence=with_size))
+    return Table(tool, priors, hypotheses, kept, problem.kernels, members)
 
 
 def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby: Table | None = None) -> Table:
@@ -164,9 +163,14 @@ def _near(members: Members) -> Members:
 
 
 def _weighed(problem: Problem, table: Table) -> Table:
-    """The table with the evidence of the poses left out."""
-    m = table.members
-    return replace(table, members=replace(m, log_evidence=m.log_evidence + _of_the_rest(problem, table)))
+    """The table with the evidence of the poses left out, and that the others are none."""
+    m, out = table.members, ~table.kept
+    rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
+    if out.any():
+        left, *known = explained(problem, table, table.best)
+        errors, variance = (left - sum(known))[out], m.variance[table.best]
+        rest += float(log_density_outlying(errors / np.sqrt(variance)) - 0.5 * np.sum(np.log(variance)) * len(errors))
+    return replace(table, members=replace(m, log_evidence=m.log_evidence + rest))
 
 
 def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array:
@@ -174,31 +178,31 @@ def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array
     return kernels.log_plausible(members.kernel, members.strength, noise, tool.weight + members.step[:, 0])
 
 
-def _of_the_rest(problem: Problem, table: Table) -> float:
-    """Logarithm of the probability of those left out, and that the others are none."""
-    out = ~table.kept
-    rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
-    if not out.any():
-        return float(rest)
-    left, *known = explained(problem, table, table.best)
-    errors, variance = (left - sum(known))[out], table.members.variance[table.best]
-    density = log_density_outlying(errors / np.sqrt(variance))
-    return float(rest + density - 0.5 * float(np.sum(np.log(variance))) * len(errors))
-
-
 def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array, Array]:
     """What a member leaves in all readings (n, 6) with its constant bias taken out, and what of that is known: the
     change of the bias or the pull of a cable, and the robot's turns.
     """
-    moved = np.tensordot(table.members.step[member], response_jacobian(table.tool, problem.names), 1)
-    turn = float(table.members.turn[member])
-    errors = problem.errors(table.tool, turn) - problem.R_base_flange.reshape(-1, 9) @ moved.T
     V = covariance_of_errors(problem, table, member)
-    errors = errors - V.constant(errors[table.kept, :, None])[0][:, 0]
-    left = V.precision_times(errors[table.kept, :, None])[:, :, 0]
-    if isinstance(V, Turned):
-        return errors, V.base.in_common(left), V.by_turns(left)
-    return errors, V.in_common(left), np.zeros_like(errors)
+    if not isinstance(V, Turned):
+        errors, of_kernel = explained_by_kernels(problem, table, np.array([member]))
+        return errors[0], of_kernel[0], np.zeros_like(errors[0])
+    errors, kept = _errors_of(problem, table, np.array([member]))[0], table.kept
+    errors = errors - V.constant(errors[kept, :, None])[0][:, 0]
+    left = V.precision_times(errors[kept, :, None])[:, :, 0]
+    return errors, V.base.in_common(left), V.by_turns(left)
+
+
+def explained_by_kernels(problem: Problem, table: Table, members: NDArray[np.intp]) -> tuple[Array, Array]:
+    """The same of `members` (k,) without turns, (k, n, 6): what they leave, and what of that their kernels are."""
+    L = table.kernels.at_poses(table.members.kernel[members], np.ones_like(table.kept))
+    return in_common(L, table.kept, problem.relative[table.kept], _errors_of(problem, table, members))
+
+
+def _errors_of(problem: Problem, table: Table, members: NDArray[np.intp]) -> Array:
+    """What members (k,), all turned alike, leave in all readings, (k, n, 6), their bias being the table's."""
+    moved = np.tensordot(table.members.step[members], response_jacobian(table.tool, problem.names), 1)
+    errors = problem.errors(table.tool, float(table.members.turn[members[0]]))
+    return np.asarray(errors - problem.R_base_flange.reshape(-1, 9) @ moved.transpose(0, 2, 1))
 
 
 def covariance_of_errors(problem: Problem, table: Table, member: int, without_kernel: bool = False) -> ErrorCovariance:
@@ -225,8 +229,7 @@ def settled(
     far from where the readings point, they would take up what is no error of it; they begin where a table `nearby` has
     them.
     """
-    table = _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among))
-    return _turns_last(problem, table, among, nearby)
+    return _turns_last(problem, _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among)), among, nearby)
 
 
 def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None, nearby: Table | None = None) -> Table:
@@ -248,10 +251,9 @@ def settled_beside(problem: Problem, first: Table) -> Table | None:
     look = beside((first.hypotheses[first.members.hypothesis[first.best]],))
     if _weighed(problem, look).log_evidence < first.log_evidence - 2.0 * FAR:  # linearised elsewhere
         return None
-    table = beside(first.hypotheses)
     if with_turns:
-        return _weighed(problem, _centred(problem, table, None))
-    table = _centred(replace(problem, robot=()), table, None)
+        return _weighed(problem, _centred(problem, beside(first.hypotheses), None))
+    table = _centred(replace(problem, robot=()), beside(first.hypotheses), None)
     near = _weighed(problem, table).log_evidence > first.log_evidence - FAR
     return _turns_last(problem, table, None) if near else None
 
@@ -272,9 +274,7 @@ def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> 
 
 
 def _bent(problem: Problem, table: Table, step: Array, moved: RigidTool) -> float:
-    """By how many standard deviations readings and priors differ at the tool `moved` by a `step` (p,) from what they
-    are taken to be there where all is linearised.
-    """
+    """By how many standard deviations readings and priors at the tool `moved` by a `step` (p,) differ from linear."""
     if not np.isclose(moved.weight, table.tool.weight + step[0], rtol=1e-9, atol=0.0):
         return np.inf
     m, known = table.members, table.priors.known
