@@ -50,7 +50,7 @@ def test_moments_are_those_of_contrasts_that_no_constant_reaches(n: int) -> None
     """Rows seen through a basis of contrasts C, which a bias does not reach: X^T C (C^T K C)^-1 C^T X."""
     rng = np.random.default_rng(n)
     X, variance, kernels = rng.normal(size=(n, 15)), rng.uniform(0.5, 3.0, n), _kernels(n, rng)
-    moments = moments_of(X, variance, kernels, np.eye(15)[None])
+    moments = moments_of(X, variance, kernels, np.eye(15)[None], np.ones(n, dtype=bool))
     C = np.linalg.svd(np.ones((1, n)))[2][1:].T
     assert moments.n == n
     for k in range(len(kernels.drift)):
@@ -76,7 +76,7 @@ def _solved(rig: Rig, R: Array, wrench: Array, kernels: Kernels) -> Members:
     tool = _tool(rig)
     problem = Problem(R, wrench, np.ones(n), kernels, NAMES, Question("mount", rig.down), _noise())
     X, W = np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), columns_of_axes(tool, NAMES)
-    moments = moments_of(X, np.ones(n), kernels, W)
+    moments = moments_of(X, np.ones(n), kernels, W, np.ones(n, dtype=bool))
     nothing_known = PriorRows(np.zeros(0), np.zeros((0, p)))
     nothing = Priors(nothing_known, np.zeros((1, 0)), np.zeros((1, p, p)), np.zeros(1), np.ones(1))
     pairs = np.arange(len(kernels.drift)), np.zeros(len(kernels.drift), dtype=int)
@@ -96,7 +96,7 @@ def test_the_members_of_a_stack_are_what_each_is_alone(seed: int) -> None:
     n, tool, noise = 9, _tool(rig), NoiseModel(np.full(6, 1e-20), None, NOISE**2)
     problem = Problem(R, wrench, np.ones(n), kernels, NAMES, Question("mount", rig.down), noise)
     X, W = np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), columns_of_axes(tool, NAMES)
-    moments = moments_of(X, np.ones(n), kernels, W)
+    moments = moments_of(X, np.ones(n), kernels, W, np.ones(n, dtype=bool))
     p = len(TOOL)
     apart = Priors(PriorRows(np.zeros(0), np.zeros((0, p))), np.zeros((2, 0)), np.zeros((2, p, p)), np.zeros(2),
                    np.array([APART, ALIKE]))  # fmt: skip

@@ -139,16 +139,6 @@ class Turned:
         return np.sqrt(self.base.variance)
 
     @cached_property
-    def relative(self) -> Array:
-        """Of the poses kept, (m,)."""
-        return self.base.relative[self.base.kept]
-
-    @property
-    def drift(self) -> Array:
-        """That of the base, (m, q)."""
-        return self.base.drift
-
-    @cached_property
     def turned(self) -> Array:
         """What turns of each pose by their standard deviation read, (m, 6, 2)."""
         return self.sd * self.turns.reads_of_kept / self.noise[:, None]
@@ -156,15 +146,17 @@ class Turned:
     @cached_property
     def drift_first(self) -> bool:
         """Whether turns are left for the second step: those that are alike, or fewer than a drift has columns."""
-        m, q = self.drift.shape
+        m, q = self.base.drift.shape
         return self.turns.alike is not None or 2 * m < 6 * q
 
     @cached_property
     def first_covariance(self) -> Array:
         """Of noise and drift, (m, m), alike on all axes; or of noise and turns of each pose, (m, 6, 6)."""
         if self.drift_first:
-            return np.diag(self.relative) + self.drift @ self.drift.T
-        return self.relative[:, None, None] * np.eye(6) + self.turned @ self.turned.transpose(0, 2, 1)
+            return np.diag(self.base.relative[self.base.kept]) + self.base.drift @ self.base.drift.T
+        return self.base.relative[self.base.kept][:, None, None] * np.eye(6) + self.turned @ self.turned.transpose(
+            0, 2, 1
+        )
 
     @cached_property
     def first_precision(self) -> Array:
@@ -182,8 +174,8 @@ class Turned:
         """What is not inverted first, (m, 6, c), as independent parts of unit size: turns, or a drift on each axis."""
         if self.drift_first:
             return self.sd * self.turns.as_columns / self.noise[:, None]
-        m, q = self.drift.shape
-        return (self.drift[:, None, :, None] * np.eye(6)[:, None]).reshape(m, 6, 6 * q)
+        m, q = self.base.drift.shape
+        return (self.base.drift[:, None, :, None] * np.eye(6)[:, None]).reshape(m, 6, 6 * q)
 
     @cached_property
     def weighted_columns(self) -> Array:
@@ -212,8 +204,8 @@ class Turned:
     def parts_times(self, values: Array) -> Array:
         """Each part of V times `values` (m, 6), in units of the noise, (m, 6, 8): noise of the axes, drift, turns."""
         parts = np.zeros((*values.shape, 8))
-        parts[:, :, 6] = self.drift @ (self.drift.T @ values)
-        parts[:, range(6), range(6)] = self.relative[:, None] * values
+        parts[:, :, 6] = self.base.drift @ (self.base.drift.T @ values)
+        parts[:, range(6), range(6)] = self.base.relative[self.base.kept][:, None] * values
         turned = self.turned.transpose(0, 2, 1) @ values[..., None]
         if self.turns.root is not None:
             turned = (self.turns.root @ (self.turns.root.T @ turned.ravel())).reshape(turned.shape)
@@ -229,13 +221,13 @@ class Turned:
     @property
     def dof_of_drift(self) -> Array:
         """Degrees of freedom of a drift on each axis (6,), were the tool known."""
-        if not self.drift.shape[1]:
+        if not self.base.drift.shape[1]:
             return np.zeros(6)
         if not self.drift_first:
             return np.asarray(np.sum(1.0 - np.diag(self.left_in_common).reshape(-1, 6), axis=0))
-        m, q = self.drift.shape
-        pulled = (self.drift.T @ self.weighted_columns.reshape(m, -1)).reshape(q, 6, -1)
-        alone = np.sum(self.drift * (self.first_precision @ self.drift))
+        m, q = self.base.drift.shape
+        pulled = (self.base.drift.T @ self.weighted_columns.reshape(m, -1)).reshape(q, 6, -1)
+        alone = np.sum(self.base.drift * (self.first_precision @ self.base.drift))
         return np.asarray(alone - np.sum((pulled @ self.left_in_common) * pulled, axis=(0, 2)))
 
     @cached_property

@@ -57,16 +57,13 @@ def columns_of_axes(tool: RigidTool, names: tuple[str, ...]) -> Array:
     return W
 
 
-def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array) -> Moments:
-    """The moments W S W^T of rows X (n, 15) with relative variances (n,) under each kernel, with columns for the same
-    poses; W (a, c, 15).
-    """
+def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDArray[np.bool_]) -> Moments:
+    """W S W^T of rows X (m, 15) of the poses kept, of relative variances (m,), under each kernel; W (a, c, 15)."""
     rows = _centred(X, variance)
-    steady = W @ (rows.T @ rows) @ W.transpose(0, 2, 1)
-    G = np.tile(steady, (len(kernels.drift), 1, 1, 1))
+    G = np.tile(W @ (rows.T @ rows) @ W.transpose(0, 2, 1), (len(kernels.drift), 1, 1, 1))
     determinant = np.full(len(G), float(np.sum(np.log(variance)) + np.log(np.sum(1.0 / variance))))
     for drift in np.unique(kernels.drift[kernels.drift > 0]):
-        here, L = np.flatnonzero(kernels.drift == drift), _centred(kernels.drifts[drift].columns, variance)
+        here, L = np.flatnonzero(kernels.drift == drift), _centred(kernels.drifts[drift].columns[kept], variance)
         length, vectors = np.linalg.eigh(L.T @ L)
         squared = kernels.strength[here, None] ** 2
         Z = W @ (rows.T @ L @ vectors)
@@ -77,19 +74,16 @@ def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array) -> Moments
 
 def _centred(rows: Array, variance: Array) -> Array:
     """Rows (n, c) over the roots of their variances (n,), a constant taken out."""
-    root = np.sqrt(variance)
     mean = (1.0 / variance) @ rows / np.sum(1.0 / variance)
-    return np.asarray((rows - mean) / root[:, None])
+    return np.asarray((rows - mean) / np.sqrt(variance)[:, None])
 
 
-def log_odds_beside(X: Array, variance: Array, kernels: Kernels, W: Array, steady: Members) -> Array:
-    """Logarithm (k,) of the odds of kernels of one column against a steady bias, whose solution is `steady`: axes apart
-    and, of each, the noise as the column leaves it; of others infinity.
-    """
+def log_odds(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDArray[np.bool_], steady: Members) -> Array:
+    """Of kernels of one column against a `steady` bias (k,), axes apart, the noise of each as it is left; else inf."""
     odds, columns = np.full(len(kernels.drift), np.inf), np.array([drift.columns.shape[1] for drift in kernels.drifts])
     single = np.flatnonzero(columns[kernels.drift] == 1)
     drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)
-    h = _centred(np.hstack([np.zeros((len(X), 0)), *(kernels.drifts[k].columns for k in drifts)]), variance)
+    h = _centred(np.hstack([np.zeros((len(X), 0)), *(kernels.drifts[k].columns[kept] for k in drifts)]), variance)
     along, noise, dof = (W @ (_centred(X, variance).T @ h)).transpose(2, 0, 1), steady.variance[0], steady.dof[0]
     pull, along = along @ np.append(-steady.step[0], 1.0), along[:, :, :-1]
     length = np.sum(h**2, axis=0)[:, None] - np.sum((along @ steady.covariance[0]) * along, axis=2) / noise
@@ -125,11 +119,6 @@ class Priors:
         """Towards what is known, (h, p)."""
         return np.asarray((self.precision * self.known.residuals) @ self.known.jacobian)
 
-    @cached_property
-    def misfit(self) -> Array:
-        """Of what is known, (h,)."""
-        return np.asarray(self.precision @ self.known.residuals**2)
-
 
 @dataclass(frozen=True, eq=False)
 class Members:
@@ -151,7 +140,7 @@ class Members:
     robot: NDArray[np.intp]
     turn: Array
 
-    def select(self, kept: Array) -> Members:
+    def select(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Members:
         """Those of an index or a mask."""
         return Members(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
@@ -159,13 +148,6 @@ class Members:
         """These and others."""
         names = self.__dataclass_fields__
         return Members(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
-
-    def with_rows(self, places: NDArray[np.intp], others: Members) -> Members:
-        """The same with `others` in the place of some."""
-        joined = [getattr(self, name).copy() for name in self.__dataclass_fields__]
-        for values, name in zip(joined, self.__dataclass_fields__, strict=True):
-            values[places] = getattr(others, name)
-        return Members(*joined)
 
 
 def solved(
@@ -221,7 +203,7 @@ def solved(
         (moments.n - 1.0) * log_variance.sum(axis=1)
         + 6.0 * moments.log_determinant[kernel]
         + misfit.sum(axis=1)
-        + priors.misfit[hypothesis]
+        + priors.precision[hypothesis] @ priors.known.residuals**2
         + off
         + log_det
         + noise.log_volume(log_variance, dof, apart)
@@ -232,8 +214,9 @@ def solved(
     found = Members(kernel, hypothesis, step, covariance * scale, variance, dof, evidence, misfit, strength, none, turn)
     left = passes - k - 1
     if len(moving) and left:
-        pairs = kernel[moving], hypothesis[moving]
-        return found.with_rows(moving, solved(moments, kernels, priors, pairs, noise, left, log_variance[moving]))
+        pairs, place = (kernel[moving], hypothesis[moving]), np.arange(m)
+        place[moving] = m + np.arange(len(moving))
+        return found.joined(solved(moments, kernels, priors, pairs, noise, left, log_variance[moving])).select(place)
     return found
 
 

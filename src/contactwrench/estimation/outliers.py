@@ -137,10 +137,10 @@ def likely_clean(
     h = max(int(np.ceil(CLEAN_SHARE * n)), min(n - 1, FEWEST_POSES))
     problem = _Trimmed(J, errors, information, pull, h)
     kept = problem.concentrated(_subsets(n), CONCENTRATIONS)
-    best = kept[np.argsort(problem.fit(kept, 1).score)[:FINALISTS]]
+    best = kept[np.argsort(problem.fit(kept, 1).variance.prod(axis=0))[:FINALISTS]]
     best = problem.concentrated(best, MOST_CONCENTRATIONS)
     fits = problem.fit(best)
-    first = int(np.argmin(fits.score))
+    first = int(np.argmin(fits.variance.prod(axis=0)))
     clean, distance = best[first], fits.distance[first]
     return problem.settled(clean, distance, log_prior_outlying), problem.settled(clean, distance, log_prior_two_levels)
 
@@ -244,8 +244,3 @@ class _Fits:
     variance: Array
     scaled: Array
     unit: Array
-
-    @property
-    def score(self) -> Array:
-        """What is left of forces and of torques in sets of equal size, the least the best."""
-        return np.asarray(np.log(self.variance).sum(axis=0))

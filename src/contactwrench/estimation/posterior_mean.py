@@ -184,23 +184,18 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
     m, kept, relative = table.members, table.kept, problem.relative[table.kept]
     J = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)[:, :, problem.columns]
     mean, own = np.zeros((len(m.kernel), 6, J.shape[2] + 1)), np.zeros((len(m.kernel), 6, 6))
-
-    def told(turn: float) -> Array:
-        return np.concatenate([J, problem.errors(table.tool, turn)[kept, :, None]], axis=2)
-
     untouched = np.flatnonzero(m.robot < 0)
-    if len(untouched):
-        kernels, of_member = np.unique(m.kernel[untouched], return_inverse=True)
-        L = table.kernels.at_poses(kernels, kept)
-        of_one = precision_times(L, relative, np.ones((len(relative), 1)))[..., 0]
-        total = of_one.sum(axis=-1)
-        means = (of_one @ told(0.0).reshape(len(relative), -1)).reshape(-1, *mean.shape[1:])
-        mean[untouched] = (means / total[:, None, None])[of_member]
-        own[untouched[:, None], range(6), range(6)] = m.variance[untouched] / total[of_member, None]
+    kernels, of_member = np.unique(m.kernel[untouched], return_inverse=True)
+    of_one = precision_times(table.kernels.at_poses(kernels, kept), relative, np.ones((len(relative), 1)))[..., 0]
+    told, total = np.concatenate([J, problem.errors(table.tool)[kept, :, None]], axis=2), of_one.sum(axis=1)
+    means = of_one @ told.reshape(len(relative), -1) / total[:, None]
+    mean[untouched] = means.reshape(-1, *mean.shape[1:])[of_member]
+    own[untouched[:, None], range(6), range(6)] = m.variance[untouched] / total[of_member, None]
     for kernel, robot in sorted(set(zip(m.kernel.tolist(), m.robot.tolist(), strict=True))):
         alike = np.flatnonzero((m.kernel == kernel) & (m.robot == robot))
         if isinstance(V := covariance_of_errors(problem, table, int(alike[0])), Turned):
-            mean[alike], own[alike] = V.constant(told(float(m.turn[alike[0]])))
+            told[:, :, -1] = problem.errors(table.tool, V.sd)[kept]
+            mean[alike], own[alike] = V.constant(told)
     return mean[:, :, -1], mean[:, :, :-1], own
 
 

@@ -35,16 +35,14 @@ CLOSE_RIVAL = 6.0
 """Natural logarithm of the odds, up to which another place to begin is looked at closely."""
 
 AS_GOOD = 15.0
-"""Of what the best response to the orientation leaves, with 54 numbers, over the poses beyond 10: no more than twice
-what noise gives a tool with its 9 in addition, so that no other place to begin leaves less but by chance.
-"""
+"""Over the poses beyond 10, of what any response leaves: twice what noise gives a tool of 9 numbers in place of 54."""
 
 MOST_JUDGED = 2_000
 """Poses: of more, rows taken on the way most often, none is left out, and the bias is taken to be steady."""
 
 SETTLE_ITERATIONS = 15
-CLOSE = 0.3
-"""Standard deviations: a shorter step leads to the optimum, as near as need be."""
+CLOSE = 1.0
+"""Standard deviations, all else known: a shorter step leads to the optimum, as near as need be."""
 
 WIDE = 0.1
 """rad, of the tilt of a mounting or a base that is looked for near nominal."""
@@ -198,9 +196,9 @@ def _approached(
         J = (response_jacobian(tool, problem.names) * root[:, None]).transpose(1, 0, 2)
         D: Array = (R @ J.reshape(-1, 9).T).reshape(errors.size, -1)
         known = problem.priors_at(tool, (wide,))
-        covariance = inverse_of(scale * D.T @ D + known.information[0])
-        step = covariance @ (scale * errors @ D + known.pull[0])
+        information = scale * D.T @ D + known.information[0]
+        step = inverse_of(information) @ (scale * errors @ D + known.pull[0])
         tool = problem.stepped(tool, step)
-        if float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)))) < CLOSE:
+        if float(np.max(np.abs(step) * np.sqrt(np.diag(information)))) < CLOSE:
             break
     return misfit, tool

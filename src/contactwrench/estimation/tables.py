@@ -18,7 +18,7 @@ from ..model import RigidTool, response, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
 from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned, in_common
 from .hypotheses import Hypothesis
-from .least_squares import Members, Priors, columns_of_axes, log_odds_beside, moments_of, solved
+from .least_squares import Members, Priors, columns_of_axes, log_odds, moments_of, solved
 from .outliers import log_density_outlying, log_prior_outlying
 from .problem import Problem
 from .robot_errors import ODDS, likely_with, turns_across_gravity
@@ -27,11 +27,8 @@ from .variance_components import Linear, members_of
 FAR = 10.0
 """Natural logarithm of the odds at which a rival is no longer looked at."""
 
-NEAR = 12.0
-"""The same after a rough look, kernels and hypotheses apart."""
-
-NEAR_AT_A_GLANCE = 16.0
-"""The same against a steady bias, of kernels of one column before any of them is solved."""
+NEAR, NEAR_AT_A_GLANCE = 12.0, 16.0
+"""The same after a rough look, kernels and hypotheses apart; and of one column against a steady bias, unsolved."""
 
 LOOK = 2
 """Passes of a rough look."""
@@ -116,13 +113,13 @@ def _untouched(
     """
     n, relative, W = len(problem.wrench), problem.relative[kept], columns_of_axes(tool, problem.names)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
-    priors, kernels = problem.priors_at(tool, hypotheses), problem.kernels.select(among).of_poses(kept)
+    priors, kernels = problem.priors_at(tool, hypotheses), problem.kernels.select(among)
     if len(among) > FEW_PAIRS and among[0] == 0:
-        steady, widest = moments_of(X, relative, kernels.select(among[:1]), W), np.array([len(hypotheses) - 1])
+        steady, widest = moments_of(X, relative, kernels.select(among[:1]), W, kept), np.array([len(hypotheses) - 1])
         alone = solved(steady, kernels, priors, (among[:1], widest), problem.noise, LOOK)
-        shows = np.flatnonzero(log_odds_beside(X, relative, kernels, W, alone) > -NEAR_AT_A_GLANCE)
+        shows = np.flatnonzero(log_odds(X, relative, kernels, W, kept, alone) > -NEAR_AT_A_GLANCE)
         among, kernels = among[shows], kernels.select(shows)
-    moments = moments_of(X, relative, kernels, W)
+    moments = moments_of(X, relative, kernels, W, kept)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
     if len(k) > FEW_PAIRS:
         each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)

@@ -84,8 +84,6 @@ class ReadOnlyDict(dict[str, Any]):
 
 def frozen(values: Any) -> Any:
     """The same that nobody can change: read-only copies of arrays, tuples for lists, `ReadOnlyDict`s; else as it is."""
-    if values is None or type(values) in (float, int, str):
-        return values
     if isinstance(values, np.ndarray):
         return _frozen(values, FLOAT64 if values.dtype.kind == "f" else values.dtype)
     if type(values) in (list, tuple):

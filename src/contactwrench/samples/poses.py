@@ -79,7 +79,7 @@ def rows_of(label: NDArray[np.intp]) -> Sequence[slice | NDArray[np.intp]]:
 def mean_poses(samples: Samples, rows: Sequence[slice | NDArray[np.intp]]) -> tuple[Pose, ...]:
     """The mean readings of `rows`, each at one orientation, with the covariance of means of that length."""
     readings = [taken(samples.wrench, each) for each in rows]
-    means = [_mean_reading(wrench) for wrench in readings]
+    means = [wrench[0] + np.ones(len(wrench)) @ (wrench - wrench[0]) / len(wrench) for wrench in readings]
     rotations = [_mean_rotation(taken(samples.R_base_flange, each)) for each in rows]
     return tuple(
         Pose(rotation, mean, covariance, len(wrench), *_span(samples.t, each), None)
@@ -92,12 +92,6 @@ def mean_poses(samples: Samples, rows: Sequence[slice | NDArray[np.intp]]) -> tu
 def taken(values: Array, rows: slice | NDArray[np.intp]) -> Array:
     """`values[rows]`, in a third of its time."""
     return values[rows] if isinstance(rows, slice) else values.take(rows, axis=0)
-
-
-def _mean_reading(wrench: Array) -> Array:
-    if len(wrench) == 1:
-        return np.asarray(wrench[0])
-    return np.asarray(wrench[0] + np.ones(len(wrench)) @ (wrench - wrench[0]) / len(wrench))
 
 
 def _mean_rotation(R: Array) -> Array:
