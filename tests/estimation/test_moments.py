@@ -9,7 +9,7 @@ from contactwrench.calibration.findings import Kind
 from contactwrench.estimation.bias_drift import Drift, Kernels, kernels_of, possible_drifts
 from contactwrench.estimation.error_covariance import precision_diagonal, precision_times
 from contactwrench.estimation.hypotheses import Hypothesis
-from contactwrench.estimation.least_squares import Members, Priors, gram, moments_of, solved
+from contactwrench.estimation.least_squares import Members, Priors, columns_of_axes, moments_of, solved
 from contactwrench.estimation.noise import ALIKE, APART, NoiseModel, StatedNoise
 from contactwrench.estimation.posterior import deleted_errors
 from contactwrench.estimation.priors import PriorRows, Question
@@ -50,13 +50,13 @@ def test_moments_are_those_of_contrasts_that_no_constant_reaches(n: int) -> None
     """Rows seen through a basis of contrasts C, which a bias does not reach: X^T C (C^T K C)^-1 C^T X."""
     rng = np.random.default_rng(n)
     X, variance, kernels = rng.normal(size=(n, 15)), rng.uniform(0.5, 3.0, n), _kernels(n, rng)
-    moments = moments_of(X, variance, kernels)
+    moments = moments_of(X, variance, kernels, np.eye(15)[None], np.ones(n, dtype=bool))
     C = np.linalg.svd(np.ones((1, n)))[2][1:].T
     assert moments.n == n
     for k in range(len(kernels.drift)):
         of_contrasts = C.T @ _dense(kernels, k, variance) @ C
         expected = X.T @ C @ np.linalg.solve(of_contrasts, C.T @ X)
-        assert moments.S[k] == pytest.approx(expected, rel=1e-6, abs=1e-7)
+        assert moments.gram[k, 0] == pytest.approx(expected, rel=1e-6, abs=1e-7)
         log_determinant = np.linalg.slogdet(of_contrasts)[1] + np.log(n)
         assert moments.log_determinant[k] == pytest.approx(log_determinant, abs=1e-6)
 
@@ -65,9 +65,9 @@ def test_a_precision_times_columns_is_that_of_the_dense_covariance() -> None:
     rng = np.random.default_rng(1)
     variance, kernels, values = rng.uniform(0.5, 3.0, 9), _kernels(9, rng), rng.normal(size=(9, 4))
     for k in range(len(kernels.drift)):
-        columns, strength = kernels.drifts[kernels.drift[k]].columns, float(kernels.strength[k])
+        L = kernels.strength[k] * kernels.drifts[kernels.drift[k]].columns
         expected = np.linalg.solve(_dense(kernels, k, variance), values)
-        assert precision_times(columns, strength, variance, values) == pytest.approx(expected, abs=1e-6)
+        assert precision_times(L, variance, values) == pytest.approx(expected, abs=1e-6)
 
 
 def _solved(rig: Rig, R: Array, wrench: Array, kernels: Kernels) -> Members:
@@ -75,11 +75,12 @@ def _solved(rig: Rig, R: Array, wrench: Array, kernels: Kernels) -> Members:
     n, p = len(R), len(TOOL)
     tool = _tool(rig)
     problem = Problem(R, wrench, np.ones(n), kernels, NAMES, Question("mount", rig.down), _noise())
-    moments = moments_of(np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), np.ones(n), kernels)
+    X, W = np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), columns_of_axes(tool, NAMES)
+    moments = moments_of(X, np.ones(n), kernels, W, np.ones(n, dtype=bool))
     nothing_known = PriorRows(np.zeros(0), np.zeros((0, p)))
     nothing = Priors(nothing_known, np.zeros((1, 0)), np.zeros((1, p, p)), np.zeros(1), np.ones(1))
     pairs = np.arange(len(kernels.drift)), np.zeros(len(kernels.drift), dtype=int)
-    return solved(gram(tool, NAMES, moments.S), moments, kernels, nothing, pairs, _noise())
+    return solved(moments, kernels, nothing, pairs, _noise())
 
 
 def _noise() -> NoiseModel:
@@ -94,12 +95,13 @@ def test_the_members_of_a_stack_are_what_each_is_alone(seed: int) -> None:
     wrench[:3] += 20.0 * NOISE * rng.normal(size=(3, 6))
     n, tool, noise = 9, _tool(rig), NoiseModel(np.full(6, 1e-20), None, NOISE**2)
     problem = Problem(R, wrench, np.ones(n), kernels, NAMES, Question("mount", rig.down), noise)
-    moments = moments_of(np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), np.ones(n), kernels)
+    X, W = np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), columns_of_axes(tool, NAMES)
+    moments = moments_of(X, np.ones(n), kernels, W, np.ones(n, dtype=bool))
     p = len(TOOL)
     apart = Priors(PriorRows(np.zeros(0), np.zeros((0, p))), np.zeros((2, 0)), np.zeros((2, p, p)), np.zeros(2),
                    np.array([APART, ALIKE]))  # fmt: skip
     k, h = np.indices((len(kernels.drift), 2)).reshape(2, -1)
-    given = gram(tool, NAMES, moments.S), moments, kernels, apart
+    given = moments, kernels, apart
     stack = solved(*given, (k, h), noise)
     alone = [solved(*given, (k[i : i + 1], h[i : i + 1]), noise) for i in range(len(k))]
     assert np.abs(stack.log_evidence - [one.log_evidence[0] for one in alone]).max() < 0.05
@@ -184,4 +186,4 @@ def test_the_precision_s_diagonal_is_that_of_the_dense_inverse() -> None:
     rng = np.random.default_rng(77)
     columns, variance = rng.normal(size=(500, 3)), rng.uniform(0.5, 2.0, 500)
     dense = np.linalg.inv(np.diag(variance) + 9.0 * columns @ columns.T)
-    assert precision_diagonal(columns, 3.0, variance) == pytest.approx(np.diag(dense), rel=1e-9)
+    assert precision_diagonal(3.0 * columns, variance) == pytest.approx(np.diag(dense), rel=1e-9)

@@ -145,7 +145,7 @@ def test_noise_free_readings_return_the_tool(yaw: float) -> None:
 def test_start_of_the_yaw_fit_is_the_closed_form_of_the_coupled_force_fit(samples: cw.Samples) -> None:
     """Coupled yaw-only fit on Tables III and IV: G = 5.03 N, theta = 46.0 deg, F0 = (4.23, -6.57, 52.5)."""
     forces_only = samples.wrench * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-    start = initial_guesses(samples.R_base_flange, forces_only, SEARCH_OF_MODEL["yaw"], DOWN)[0]
+    start = next(initial_guesses(samples.R_base_flange, forces_only, SEARCH_OF_MODEL["yaw"], DOWN))
     theta = np.arctan2(start.R_flange_sensor[1, 0], start.R_flange_sensor[0, 0])
     assert np.rad2deg(theta) == pytest.approx(46.0, abs=0.05)
     assert start.weight == pytest.approx(5.03, abs=5e-3)
@@ -162,7 +162,7 @@ def test_start_of_the_yaw_fit_with_noise(seed: int) -> None:
     F = wrench[:, :3] - wrench[:, :3].mean(axis=0)
     (ux, uy, uz), (Fx, Fy, Fz) = (u - u.mean(axis=0)).T, F.T
     A, B, C = np.sum(ux * Fx + uy * Fy), np.sum(uy * Fx - ux * Fy), np.sum(uz * Fz)
-    start = initial_guesses(R, wrench, SEARCH_OF_MODEL["yaw"], DOWN)[0]
+    start = next(initial_guesses(R, wrench, SEARCH_OF_MODEL["yaw"], DOWN))
     theta = np.arctan2(start.R_flange_sensor[1, 0], start.R_flange_sensor[0, 0])
     assert theta == pytest.approx(np.arctan2(B, A), abs=1e-9)
     assert start.weight == pytest.approx((np.hypot(A, B) + C) / np.sum(ux**2 + uy**2 + uz**2), rel=1e-9)

@@ -7,7 +7,7 @@ motion has a prior probability, and the answer is the mean over all of them by e
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,14 @@ class Kernels:
         """The kernels of an index."""
         return Kernels(self.drifts, self.drift[kept], self.strength[kept], self.log_prior[kept])
 
+    def at_poses(self, kernel: NDArray[np.intp], kept: NDArray[np.bool_]) -> Array:
+        """What the poses kept have in common under each `kernel` (k,), (k, m, q), fewer columns filled with zeros."""
+        each = [self.strength[k] * self.drifts[self.drift[k]].columns[kept] for k in kernel.tolist()]
+        stack = np.zeros((len(each), int(kept.sum()), max((columns.shape[1] for columns in each), default=0)))
+        for own, columns in zip(stack, each, strict=True):
+            own[:, : columns.shape[1]] = columns
+        return stack
+
     def log_plausible(
         self, kernel: NDArray[np.intp], strength: Array, noise: Array | float, weight: Array | float
     ) -> Array:
@@ -108,13 +116,6 @@ class Kernels:
         even = 1.0 / (APART * np.array([len(drift.strengths) for drift in self.drifts]))  # density of the logarithm
         plausible = np.log(np.sqrt(2.0 / np.pi) * share / even[self.drift[kernel]]) - 0.5 * share**2
         return np.where(np.isnan(share), 0.0, plausible)
-
-    def of_poses(self, kept: NDArray[np.bool_]) -> Kernels:
-        """The same for some of the poses (n,)."""
-        if kept.all():
-            return self
-        drifts = tuple(replace(drift, columns=drift.columns[kept]) for drift in self.drifts)
-        return Kernels(drifts, self.drift, self.strength, self.log_prior)
 
 
 def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float]]:

@@ -16,20 +16,25 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 
 
-def precision_times(columns: Array, strength: float, variance: Array, values: Array) -> Array:
-    """`K^-1 values` (n, m) for K = diag(variance) + strength^2 columns columns^T (inversion lemma)."""
-    scaled = values / variance[:, None]
-    if strength == 0.0 or not columns.shape[1]:
-        return scaled
-    L = strength * columns
-    weighted = L / variance[:, None]
-    inner = np.linalg.solve(np.eye(L.shape[1]) + L.T @ weighted, L.T @ scaled)
-    return scaled - weighted @ inner
+def precision_times(L: Array, variance: Array, values: Array) -> Array:
+    """`K^-1 values` (..., n, m) for K = diag(variance) + L L^T, L (..., n, q) (inversion lemma)."""
+    scaled, weighted, across = values / variance[:, None], L / variance[:, None], np.swapaxes(L, -1, -2)
+    inner = np.linalg.solve(np.eye(L.shape[-1]) + across @ weighted, across @ scaled)
+    return np.asarray(scaled - weighted @ inner)
 
 
-def precision_diagonal(columns: Array, strength: float, variance: Array) -> Array:
+def in_common(L: Array, kept: NDArray[np.bool_], variance: Array, errors: Array) -> tuple[Array, Array]:
+    """`errors` (k, n, 6) less the constant nearest to those of the poses kept, whose covariance is diag(`variance`) +
+    L L^T, L (k, n, q), and what of that is known to be what these have in common, likewise of all poses.
+    """
+    own, one = L[:, kept], np.ones((len(variance), 1))
+    of_one = np.swapaxes(precision_times(own, variance, one), 1, 2)
+    errors = errors - of_one @ errors[:, kept] / of_one.sum(axis=2, keepdims=True)
+    return errors, L @ (np.swapaxes(own, 1, 2) @ precision_times(own, variance, errors[:, kept]))
+
+
+def precision_diagonal(L: Array, variance: Array) -> Array:
     """The diagonal (n,) of that `K^-1`."""
-    L = strength * columns
     weighted = L / variance[:, None]
     inner = np.linalg.solve(np.eye(L.shape[1]) + L.T @ weighted, weighted.T)
     return np.asarray(1.0 / variance - np.einsum("nq,qn->n", weighted, inner))
@@ -47,23 +52,21 @@ class AlikeOnAxes:
     columns: Array
     strength: float
 
+    @cached_property
+    def drift(self) -> Array:
+        """What the poses kept have in common, (m, q), alike on each axis, as independent parts of unit size."""
+        return self.strength * self.columns[self.kept]
+
     def precision_times(self, values: Array) -> Array:
         """`V^-1 values` of the poses kept, (m, 6, c)."""
         flat = values.reshape(len(values), -1)
-        weighted = precision_times(self.columns[self.kept], self.strength, self.relative[self.kept], flat)
+        weighted = precision_times(self.drift, self.relative[self.kept], flat)
         return np.asarray(weighted.reshape(values.shape) / self.variance[:, None])
-
-    def constant(self, values: Array) -> tuple[Array, Array]:
-        """The constant (6, c) nearest to `values` (m, 6, c), and the covariance (6, 6) of one that errors leave."""
-        one = np.ones((len(values), 1))
-        of_one = precision_times(self.columns[self.kept], self.strength, self.relative[self.kept], one)[:, 0]
-        mean = (of_one @ values.reshape(len(values), -1) / of_one.sum()).reshape(values.shape[1:])
-        return mean, np.diag(self.variance / of_one.sum())
 
     @property
     def precision_blocks(self) -> Array:
         """The blocks (m, 6, 6) of V^-1 on its diagonal."""
-        diagonal = precision_diagonal(self.columns[self.kept], self.strength, self.relative[self.kept])
+        diagonal = precision_diagonal(self.drift, self.relative[self.kept])
         return np.asarray(diagonal[:, None, None] * np.diag(1.0 / self.variance))
 
     @property
@@ -136,16 +139,6 @@ class Turned:
         return np.sqrt(self.base.variance)
 
     @cached_property
-    def relative(self) -> Array:
-        """Of the poses kept, (m,)."""
-        return self.base.relative[self.base.kept]
-
-    @cached_property
-    def drift(self) -> Array:
-        """The drift of the poses kept, (m, q), alike on each axis, as independent parts of unit size."""
-        return self.base.strength * self.base.columns[self.base.kept]
-
-    @cached_property
     def turned(self) -> Array:
         """What turns of each pose by their standard deviation read, (m, 6, 2)."""
         return self.sd * self.turns.reads_of_kept / self.noise[:, None]
@@ -153,15 +146,17 @@ class Turned:
     @cached_property
     def drift_first(self) -> bool:
         """Whether turns are left for the second step: those that are alike, or fewer than a drift has columns."""
-        m, q = self.drift.shape
+        m, q = self.base.drift.shape
         return self.turns.alike is not None or 2 * m < 6 * q
 
     @cached_property
     def first_covariance(self) -> Array:
         """Of noise and drift, (m, m), alike on all axes; or of noise and turns of each pose, (m, 6, 6)."""
         if self.drift_first:
-            return np.diag(self.relative) + self.drift @ self.drift.T
-        return self.relative[:, None, None] * np.eye(6) + self.turned @ self.turned.transpose(0, 2, 1)
+            return np.diag(self.base.relative[self.base.kept]) + self.base.drift @ self.base.drift.T
+        return self.base.relative[self.base.kept][:, None, None] * np.eye(6) + self.turned @ self.turned.transpose(
+            0, 2, 1
+        )
 
     @cached_property
     def first_precision(self) -> Array:
@@ -179,8 +174,8 @@ class Turned:
         """What is not inverted first, (m, 6, c), as independent parts of unit size: turns, or a drift on each axis."""
         if self.drift_first:
             return self.sd * self.turns.as_columns / self.noise[:, None]
-        m, q = self.drift.shape
-        return (self.drift[:, None, :, None] * np.eye(6)[:, None]).reshape(m, 6, 6 * q)
+        m, q = self.base.drift.shape
+        return (self.base.drift[:, None, :, None] * np.eye(6)[:, None]).reshape(m, 6, 6 * q)
 
     @cached_property
     def weighted_columns(self) -> Array:
@@ -209,8 +204,8 @@ class Turned:
     def parts_times(self, values: Array) -> Array:
         """Each part of V times `values` (m, 6), in units of the noise, (m, 6, 8): noise of the axes, drift, turns."""
         parts = np.zeros((*values.shape, 8))
-        parts[:, :, 6] = self.drift @ (self.drift.T @ values)
-        parts[:, range(6), range(6)] = self.relative[:, None] * values
+        parts[:, :, 6] = self.base.drift @ (self.base.drift.T @ values)
+        parts[:, range(6), range(6)] = self.base.relative[self.base.kept][:, None] * values
         turned = self.turned.transpose(0, 2, 1) @ values[..., None]
         if self.turns.root is not None:
             turned = (self.turns.root @ (self.turns.root.T @ turned.ravel())).reshape(turned.shape)
@@ -226,13 +221,13 @@ class Turned:
     @property
     def dof_of_drift(self) -> Array:
         """Degrees of freedom of a drift on each axis (6,), were the tool known."""
-        if not self.drift.shape[1]:
+        if not self.base.drift.shape[1]:
             return np.zeros(6)
         if not self.drift_first:
             return np.asarray(np.sum(1.0 - np.diag(self.left_in_common).reshape(-1, 6), axis=0))
-        m, q = self.drift.shape
-        pulled = (self.drift.T @ self.weighted_columns.reshape(m, -1)).reshape(q, 6, -1)
-        alone = np.sum(self.drift * (self.first_precision @ self.drift))
+        m, q = self.base.drift.shape
+        pulled = (self.base.drift.T @ self.weighted_columns.reshape(m, -1)).reshape(q, 6, -1)
+        alone = np.sum(self.base.drift * (self.first_precision @ self.base.drift))
         return np.asarray(alone - np.sum((pulled @ self.left_in_common) * pulled, axis=(0, 2)))
 
     @cached_property

@@ -156,11 +156,11 @@ def _with_rival(name: str, text: str, trade_offs: tuple[str, ...]) -> str:
 def largest_force_std(fit: Estimate) -> float:
     """The largest std (N) of the contact force over orientations, a norm over three axes, within a few percent."""
     R = spread_rotations(48, 12)
-    of_B = affine_jacobian(gravity_in_flange(R, fit.gravity_direction))[:, :3]
-    J, variance = of_B, np.zeros(len(R))
-    if isinstance(fit, RigidEstimate):
-        J = wrench_jacobian(fit.tool, R, fit.names)[:, :3]
-        variance += 0.0 if fit.gain_covariance is None else np.sum((of_B @ fit.gain_covariance) * of_B, axis=(1, 2))
+    r, variance = gravity_in_flange(R, fit.gravity_direction), np.zeros(len(R))
+    J = (wrench_jacobian(fit.tool, R, fit.names) if isinstance(fit, RigidEstimate) else affine_jacobian(r))[:, :3]
+    if isinstance(fit, RigidEstimate) and fit.gain_covariance is not None:
+        A, of_axes = np.column_stack([r, np.ones(len(r))]), fit.gain_covariance.reshape(6, 4, 6, 4)
+        variance += np.sum((A @ of_axes[range(3), :, range(3)].sum(axis=0)) * A, axis=1)
     variance += np.sum((J @ fit.covariance) * J, axis=(1, 2))
     return float(np.sqrt(max(variance.max(), 0.0)))  # gains may lessen it in places
 

@@ -7,6 +7,7 @@ go on to Gauss-Newton (method, "A start that needs no guess").
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +45,9 @@ SEARCH_OF_MODEL = {
 }
 
 
-def initial_guesses(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> list[RigidTool]:
+def initial_guesses(
+    R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array
+) -> Iterator[RigidTool]:
     """The most promising tools, best first, from poses (n, 3, 3) and their readings (n, 6). Where gravity changes with
     the pose alike in the sensor's axes of two, one leads where the other does, and the better is enough.
     """
@@ -54,7 +57,6 @@ def initial_guesses(R_base_flange: Array, wrench: Array, search: Search, gravity
     best = np.argsort(-scores, axis=1)[:, :of_each]
     d, k = np.repeat(np.arange(len(directions)), of_each), best.ravel()
     order = np.argsort(-scores[d, k])[:most]
-    guesses: list[RigidTool] = []
     changes: list[Array] = []
     for down, mounting in ((directions[d[i]], mountings[d[i], k[i]]) for i in order):
         u = gravity_in_flange(R_base_flange, down) @ mounting
@@ -62,8 +64,7 @@ def initial_guesses(R_base_flange: Array, wrench: Array, search: Search, gravity
         change = change / max(float(np.linalg.norm(change)), 1e-300)
         if all(change @ other < ALIKE for other in changes):
             changes.append(change)
-            guesses.append(linear_fit(R_base_flange, wrench, mounting, down))
-    return guesses
+            yield linear_fit(R_base_flange, wrench, mounting, down)
 
 
 def explained_by_guess(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> float:

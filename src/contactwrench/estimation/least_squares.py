@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 from ..model import RigidTool, response_jacobian
 from .bias_drift import Kernels
-from .noise import NoiseModel
+from .noise import LEAST_DOF, NoiseModel
 from .priors import PriorRows
 
 MOST_PASSES = 12
@@ -32,51 +32,67 @@ SETTLED = 1e-2
 STILL_MOVING = 0.25
 """Of a stack: when no more are, these go on alone, as a pass costs what its stack is large (a fifth of `auto`)."""
 
-RIDGE = 1e-12
+RIDGE, MOST_TAKEN = 1e-12, 1.0 - 1e-9
 
 Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """S (k, 15, 15) for a stack of kernels, `log_determinant` (k,) of K where a constant was taken out, `n` poses."""
+    """Gram matrices (k, 6, p + 1, p + 1) of derivatives and errors on each axis for a stack of kernels, the
+    `log_determinant` (k,) of K where a constant was taken out, `n` poses.
+    """
 
-    S: Array
+    gram: Array
     log_determinant: Array
     n: int
 
 
-def moments_of(X: Array, variance: Array, kernels: Kernels) -> Moments:
-    """The moments of rows X (n, 15) with relative variances (n,) under each kernel, with columns for the same poses."""
-    root = np.sqrt(variance)
-    rows, one = X / root[:, None], 1.0 / root
-    count = float(one @ one)
-    centred = rows - np.outer(one, one @ rows / count)
-    steady = centred.T @ centred
-    S = np.broadcast_to(steady, (len(kernels.drift), 15, 15)).copy()
-    determinant = np.full(len(S), float(np.sum(np.log(variance)) + np.log(count)))
-    columns = np.array([kernels.drifts[k].columns.shape[1] for k in kernels.drift])
+def columns_of_axes(tool: RigidTool, names: tuple[str, ...]) -> Array:
+    """W (6, p + 1, 15): derivatives and error of each axis are `W @ [vec(R), error]`."""
+    J = response_jacobian(tool, names)
+    W = np.zeros((6, len(J) + 1, 15))
+    W[:, :-1, :9] = J.transpose(1, 0, 2)
+    W[range(6), -1, range(9, 15)] = 1.0
+    return W
 
-    single = np.flatnonzero(columns == 1)
-    if len(single):
-        drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)
-        h = np.concatenate([kernels.drifts[k].columns for k in drifts], axis=1) / root[:, None]
-        h = h - np.outer(one, one @ h / count)
-        length = np.sum(h * h, axis=0)
-        along = (centred.T @ h)[:, of_kernel].T
-        squared = kernels.strength[single] ** 2
-        share = squared / (1.0 + squared * length[of_kernel])
-        S[single] -= share[:, None, None] * along[:, :, None] * along[:, None, :]
-        determinant[single] += np.log1p(squared * length[of_kernel])
-    for drift in np.unique(kernels.drift[columns > 1]):
-        here = np.flatnonzero(kernels.drift == drift)
-        L = kernels.drifts[drift].columns / root[:, None]
-        U, s, _ = np.linalg.svd(L - np.outer(one, one @ L / count), full_matrices=False)
-        eigenvalue = np.multiply.outer(kernels.strength[here] ** 2, s**2)
-        Z = centred.T @ U
-        S[here] -= (Z * (eigenvalue / (1.0 + eigenvalue))[:, None, :]) @ Z.T
-        determinant[here] += np.log1p(eigenvalue).sum(axis=1)
-    return Moments(S, determinant, len(X))
+
+def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDArray[np.bool_]) -> Moments:
+    """W S W^T of rows X (m, 15) of the poses kept, of relative variances (m,), under each kernel; W (a, c, 15)."""
+    rows = _centred(X, variance)
+    G = np.tile(W @ (rows.T @ rows) @ W.transpose(0, 2, 1), (len(kernels.drift), 1, 1, 1))
+    determinant = np.full(len(G), float(np.sum(np.log(variance)) + np.log(np.sum(1.0 / variance))))
+    for drift in np.unique(kernels.drift[kernels.drift > 0]):
+        here, L = np.flatnonzero(kernels.drift == drift), _centred(kernels.drifts[drift].columns[kept], variance)
+        length, vectors = np.linalg.eigh(L.T @ L)
+        squared = kernels.strength[here, None] ** 2
+        Z = W @ (rows.T @ L @ vectors)
+        G[here] -= (Z * (squared / (1.0 + squared * length))[:, None, None, :]) @ Z.transpose(0, 2, 1)
+        determinant[here] += np.log1p(squared * length).sum(axis=1)
+    return Moments(G, determinant, len(X))
+
+
+def _centred(rows: Array, variance: Array) -> Array:
+    """Rows (n, c) over the roots of their variances (n,), a constant taken out."""
+    mean = (1.0 / variance) @ rows / np.sum(1.0 / variance)
+    return np.asarray((rows - mean) / np.sqrt(variance)[:, None])
+
+
+def log_odds(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDArray[np.bool_], steady: Members) -> Array:
+    """Of kernels of one column against a `steady` bias (k,), axes apart, the noise of each as it is left; else inf."""
+    odds, columns = np.full(len(kernels.drift), np.inf), np.array([drift.columns.shape[1] for drift in kernels.drifts])
+    single = np.flatnonzero(columns[kernels.drift] == 1)
+    drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)
+    h = _centred(np.hstack([np.zeros((len(X), 0)), *(kernels.drifts[k].columns[kept] for k in drifts)]), variance)
+    along, noise, dof = (W @ (_centred(X, variance).T @ h)).transpose(2, 0, 1), steady.variance[0], steady.dof[0]
+    pull, along = along @ np.append(-steady.step[0], 1.0), along[:, :, :-1]
+    length = np.sum(h**2, axis=0)[:, None] - np.sum((along @ steady.covariance[0]) * along, axis=2) / noise
+    squared = kernels.strength[single, None] ** 2
+    grown = squared * np.maximum(length, 0.0)[of_kernel]
+    taken = squared * (pull**2 / noise)[of_kernel] / (1.0 + grown) / np.maximum(dof, LEAST_DOF)
+    gain = -dof * np.log1p(-np.minimum(taken, MOST_TAKEN)) - np.log1p(grown)
+    odds[single] = kernels.log_prior[single] + 0.5 * gain.sum(axis=1)
+    return odds
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +119,6 @@ class Priors:
         """Towards what is known, (h, p)."""
         return np.asarray((self.precision * self.known.residuals) @ self.known.jacobian)
 
-    @cached_property
-    def misfit(self) -> Array:
-        """Of what is known, (h,)."""
-        return np.asarray(self.precision @ self.known.residuals**2)
-
 
 @dataclass(frozen=True, eq=False)
 class Members:
@@ -129,7 +140,7 @@ class Members:
     robot: NDArray[np.intp]
     turn: Array
 
-    def select(self, kept: Array) -> Members:
+    def select(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Members:
         """Those of an index or a mask."""
         return Members(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
@@ -138,26 +149,8 @@ class Members:
         names = self.__dataclass_fields__
         return Members(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
 
-    def with_rows(self, places: NDArray[np.intp], others: Members) -> Members:
-        """The same with `others` in the place of some."""
-        joined = [getattr(self, name).copy() for name in self.__dataclass_fields__]
-        for values, name in zip(joined, self.__dataclass_fields__, strict=True):
-            values[places] = getattr(others, name)
-        return Members(*joined)
-
-
-def gram(tool: RigidTool, names: tuple[str, ...], S: Array) -> Array:
-    """Gram matrices (k, 6, p + 1, p + 1) of derivatives and errors, moments S (k, 15, 15) of [vec(R), error]."""
-    J = response_jacobian(tool, names)
-    W = np.zeros((6, len(J) + 1, 15))
-    W[:, :-1, :9] = J.transpose(1, 0, 2)
-    W[range(6), -1, range(9, 15)] = 1.0
-    wide = W.reshape(-1, 15) @ S  # (k, 6 (p + 1), 15)
-    return np.asarray(wide.reshape(len(S), 6, -1, 15) @ W.transpose(0, 2, 1))
-
 
 def solved(
-    G: Array,
     moments: Moments,
     kernels: Kernels,
     priors: Priors,
@@ -171,7 +164,7 @@ def solved(
     first pass has, None: those of `noise`.
     """
     kernel, hypothesis = pairs
-    own, m, p = G[kernel], len(kernel), G.shape[-1] - 1
+    own, m, p = moments.gram[kernel], len(kernel), moments.gram.shape[-1] - 1
     at_tool = own[:, :, p, p]
     information, pull = priors.information[hypothesis], priors.pull[hypothesis]
     apart = priors.apart[hypothesis]
@@ -210,7 +203,7 @@ def solved(
         (moments.n - 1.0) * log_variance.sum(axis=1)
         + 6.0 * moments.log_determinant[kernel]
         + misfit.sum(axis=1)
-        + priors.misfit[hypothesis]
+        + priors.precision[hypothesis] @ priors.known.residuals**2
         + off
         + log_det
         + noise.log_volume(log_variance, dof, apart)
@@ -221,8 +214,9 @@ def solved(
     found = Members(kernel, hypothesis, step, covariance * scale, variance, dof, evidence, misfit, strength, none, turn)
     left = passes - k - 1
     if len(moving) and left:
-        pairs = kernel[moving], hypothesis[moving]
-        return found.with_rows(moving, solved(G, moments, kernels, priors, pairs, noise, left, log_variance[moving]))
+        pairs, place = (kernel[moving], hypothesis[moving]), np.arange(m)
+        place[moving] = m + np.arange(len(moving))
+        return found.joined(solved(moments, kernels, priors, pairs, noise, left, log_variance[moving])).select(place)
     return found
 
 

@@ -137,10 +137,10 @@ def likely_clean(
     h = max(int(np.ceil(CLEAN_SHARE * n)), min(n - 1, FEWEST_POSES))
     problem = _Trimmed(J, errors, information, pull, h)
     kept = problem.concentrated(_subsets(n), CONCENTRATIONS)
-    best = kept[np.argsort(problem.fit(kept, 1).score)[:FINALISTS]]
+    best = kept[np.argsort(problem.fit(kept, 1).variance.prod(axis=0))[:FINALISTS]]
     best = problem.concentrated(best, MOST_CONCENTRATIONS)
     fits = problem.fit(best)
-    first = int(np.argmin(fits.score))
+    first = int(np.argmin(fits.variance.prod(axis=0)))
     clean, distance = best[first], fits.distance[first]
     return problem.settled(clean, distance, log_prior_outlying), problem.settled(clean, distance, log_prior_two_levels)
 
@@ -167,6 +167,8 @@ class _Trimmed:
     def __init__(self, J: Array, errors: Array, information: Array, pull: Array, h: int) -> None:
         self.J, self.errors, self.information, self.pull, self.h = J, errors, information, pull, h
         n, _, q = J.shape
+        each = min(n // 2, EACH)
+        self.numbers = np.unique(np.r_[: each + 1, np.geomspace(each, n // 2, FURTHER).astype(np.intp)])  # left out
         columns = np.concatenate([J, errors[..., None]], axis=2)
         groups = columns.reshape(n, 2, 3, q + 1)
         squared = np.sum((errors / (OF_GROUPS @ COMPARED)) ** 2, axis=1)
@@ -204,23 +206,21 @@ class _Trimmed:
 
     def settled(self, clean: NDArray[np.bool_], distance: Array, log_prior: LogPrior) -> NDArray[np.bool_]:
         """The likeliest set that is reached from `clean`, with the distances (n,) from its fit."""
+        log_priors = np.array([log_prior(len(distance), out) for out in self.numbers.tolist()])
+        k, log_priors = self.numbers[np.isfinite(log_priors)], log_priors[np.isfinite(log_priors)]
         for _ in range(MOST_CONCENTRATIONS):
-            before, (clean, distance) = clean, self.likeliest(distance, log_prior)
+            before, (clean, distance) = clean, self.likeliest(distance, k, log_priors)
             if (clean == before).all():
                 break
         return clean
 
-    def likeliest(self, distance: Array, log_prior: LogPrior) -> tuple[NDArray[np.bool_], Array]:
-        """Of the sets that leave out the poses furthest off, by `distance` (n,), the one of the largest evidence, and
-        the distances from its fit.
+    def likeliest(self, distance: Array, k: NDArray[np.intp], log_priors: Array) -> tuple[NDArray[np.bool_], Array]:
+        """Of the sets that leave out the k (m,) poses furthest off, by `distance` (n,), the one of the largest
+        evidence, and the distances from its fit.
         """
         n = len(distance)
         place = np.empty(n, dtype=np.intp)
         place[np.argsort(-distance)] = np.arange(n)
-        each = min(n // 2, EACH)
-        k = np.unique(np.r_[: each + 1, np.geomspace(each, n // 2, FURTHER).astype(np.intp)])
-        log_priors = np.array([log_prior(n, out) for out in k.tolist()])
-        k, log_priors = k[np.isfinite(log_priors)], log_priors[np.isfinite(log_priors)]
         masks = place >= k[:, None]
         fits = self.fit(masks)
         log_variance = np.log(fits.variance)
@@ -244,8 +244,3 @@ class _Fits:
     variance: Array
     scaled: Array
     unit: Array
-
-    @property
-    def score(self) -> Array:
-        """What is left of forces and of torques in sets of equal size, the least the best."""
-        return np.asarray(np.log(self.variance).sum(axis=0))

@@ -8,7 +8,7 @@ from ..calibration.findings import BIAS_MOVED, Kind
 from ..geometry.arrays import Array
 from ..model import matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
 from .beliefs import beliefs_of
-from .error_covariance import Turned
+from .error_covariance import Turned, precision_times
 from .estimate import IN_DOUBT, RigidEstimate
 from .noise import MOST_DOF, PoseReadings
 from .outliers import probability_of_a_level
@@ -16,7 +16,7 @@ from .posterior import deleted_errors
 from .priors import rows_of
 from .problem import Problem
 from .robot_errors import variance_of_turns
-from .tables import Table, covariance_of_errors, each_with_place, explained
+from .tables import Table, covariance_of_errors, each_with_place, explained, explained_by_kernels
 from .variance_components import inverse_of, log_spread
 
 FEWEST_DOF = 2.0
@@ -127,13 +127,14 @@ def _of_what_differs_anew(problem: Problem, tables: list[Table], weight: Array) 
     """
     added = np.zeros(6)
     for table, here in each_with_place(tables):
-        added += weight[here] @ table.members.turn**2 * variance_of_turns(table.tool, problem.R_base_flange)
-        for member, share in enumerate(weight[here]):
-            drift, strength = table.kernel_of(member)
-            if drift.kind in FOUND_AT_POSES:
-                added += share * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
-            elif drift.kind is Kind.CABLE:
-                added += share * strength**2 * table.members.variance[member]
+        m, share = table.members, weight[here]
+        added += share @ m.turn**2 * variance_of_turns(table.tool, problem.R_base_flange)
+        added += (share * m.strength**2 * (table.kinds == Kind.CABLE)) @ m.variance
+        at_poses = np.array([kind in FOUND_AT_POSES for kind in table.kinds])
+        if (alone := np.flatnonzero(at_poses & (m.robot < 0))).size:
+            added += share[alone] @ np.mean(explained_by_kernels(problem, table, alone)[1] ** 2, axis=1)
+        for member in np.flatnonzero(at_poses & (m.robot >= 0)).tolist():
+            added += share[member] * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
     return added
 
 
@@ -180,19 +181,21 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
     """Of each member: the mean error (m, 6) that the last bias is read off, that of its derivatives (m, 6, p - 6), and
     the covariance (m, 6, 6) of the bias, were all else known.
     """
-    m, kept, columns = table.members, table.kept, problem.columns
-    J = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)[:, :, columns]
-    found: dict[tuple[int, int], tuple[Array, Array]] = {}
-    own = np.zeros((len(m.kernel), 6, 6))
-    mean = np.zeros((len(m.kernel), 6, len(columns) + 1))
-    for member, which in enumerate(zip(m.kernel.tolist(), m.robot.tolist(), strict=True)):
-        if which not in found:
-            V, root = covariance_of_errors(problem, table, member), np.sqrt(m.variance[member])
-            errors = problem.errors(table.tool, float(m.turn[member]))[kept, :, None]
-            constant, covariance = V.constant(np.concatenate([J, errors], axis=2))
-            found[which] = constant, covariance / np.outer(root, root)
-        root = np.sqrt(m.variance[member])
-        mean[member], own[member] = found[which][0], found[which][1] * np.outer(root, root)
+    m, kept, relative = table.members, table.kept, problem.relative[table.kept]
+    J = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)[:, :, problem.columns]
+    mean, own = np.zeros((len(m.kernel), 6, J.shape[2] + 1)), np.zeros((len(m.kernel), 6, 6))
+    untouched = np.flatnonzero(m.robot < 0)
+    kernels, of_member = np.unique(m.kernel[untouched], return_inverse=True)
+    of_one = precision_times(table.kernels.at_poses(kernels, kept), relative, np.ones((len(relative), 1)))[..., 0]
+    told, total = np.concatenate([J, problem.errors(table.tool)[kept, :, None]], axis=2), of_one.sum(axis=1)
+    means = of_one @ told.reshape(len(relative), -1) / total[:, None]
+    mean[untouched] = means.reshape(-1, *mean.shape[1:])[of_member]
+    own[untouched[:, None], range(6), range(6)] = m.variance[untouched] / total[of_member, None]
+    for kernel, robot in sorted(set(zip(m.kernel.tolist(), m.robot.tolist(), strict=True))):
+        alike = np.flatnonzero((m.kernel == kernel) & (m.robot == robot))
+        if isinstance(V := covariance_of_errors(problem, table, int(alike[0])), Turned):
+            told[:, :, -1] = problem.errors(table.tool, V.sd)[kept]
+            mean[alike], own[alike] = V.constant(told)
     return mean[:, :, -1], mean[:, :, :-1], own
 
 

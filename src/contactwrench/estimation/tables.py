@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 from ..model import RigidTool, response, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
-from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned
+from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned, in_common
 from .hypotheses import Hypothesis
-from .least_squares import Members, Priors, gram, moments_of, solved
+from .least_squares import Members, Priors, columns_of_axes, log_odds, moments_of, solved
 from .outliers import log_density_outlying, log_prior_outlying
 from .problem import Problem
 from .robot_errors import ODDS, likely_with, turns_across_gravity
@@ -27,14 +27,14 @@ from .variance_components import Linear, members_of
 FAR = 10.0
 """Natural logarithm of the odds at which a rival is no longer looked at."""
 
-NEAR = 12.0
-"""The same after a rough look, kernels and hypotheses apart."""
+NEAR, NEAR_AT_A_GLANCE = 12.0, 16.0
+"""The same after a rough look, kernels and hypotheses apart; and of one column against a steady bias, unsolved."""
 
 LOOK = 2
 """Passes of a rough look."""
 
 FEW_PAIRS = 60
-"""Of kernels and hypotheses, of which each is looked at closely."""
+"""Of kernels and hypotheses, of which each is looked at closely; or of kernels, at none of which with a glance."""
 
 STRAIGHT, BENT = 0.01, 1.0
 """Standard deviations that readings and priors differ from their linearisation: up to the first it will do, from the
@@ -108,28 +108,30 @@ def _untouched(
     hypotheses: tuple[Hypothesis, ...],
     among: NDArray[np.intp],
 ) -> Table:
-    """The members in which the robot's orientation is right: every kernel under the widest hypothesis, every hypothesis
-    under the likeliest kernel, both roughly, and then the pairs that come near the best.
+    """The members in which the robot's orientation is right: every kernel that shows under the widest hypothesis, every
+    hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
     """
-    n = len(problem.wrench)
+    n, relative, W = len(problem.wrench), problem.relative[kept], columns_of_axes(tool, problem.names)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
-    kernels = problem.kernels.select(among)
-    moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
-    G = gram(tool, problem.names, moments.S)
-    priors = problem.priors_at(tool, hypotheses)
+    priors, kernels = problem.priors_at(tool, hypotheses), problem.kernels.select(among)
+    if len(among) > FEW_PAIRS and among[0] == 0:
+        steady, widest = moments_of(X, relative, kernels.select(among[:1]), W, kept), np.array([len(hypotheses) - 1])
+        alone = solved(steady, kernels, priors, (among[:1], widest), problem.noise, LOOK)
+        shows = np.flatnonzero(log_odds(X, relative, kernels, W, kept, alone) > -NEAR_AT_A_GLANCE)
+        among, kernels = among[shows], kernels.select(shows)
+    moments = moments_of(X, relative, kernels, W, kept)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
     if len(k) > FEW_PAIRS:
         each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)
-        looked_at = solved(G, moments, kernels, priors, (each, widest), problem.noise, LOOK)
+        looked_at = solved(moments, kernels, priors, (each, widest), problem.noise, LOOK)
         rough = looked_at.log_evidence + _log_plausible(tool, kernels, looked_at)
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
-        looked_at = solved(G, moments, kernels, priors, (likeliest, each), problem.noise, LOOK)
-        of_hypotheses = looked_at.log_evidence
+        of_hypotheses = solved(moments, kernels, priors, (likeliest, each), problem.noise, LOOK).log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
-    members = solved(G, moments, kernels, priors, (k, h), problem.noise)
-    log_evidence = members.log_evidence + _log_plausible(tool, kernels, members)
-    members = replace(members, kernel=among[k], log_evidence=log_evidence)
-    return Table(tool, priors, hypotheses, kept, problem.kernels, _near(members))
+    members = solved(moments, kernels, priors, (k, h), problem.noise)
+    with_size = members.log_evidence + _log_plausible(tool, kernels, members)
+    members = _near(replace(members, kernel=among[k], log_evidence=with_size))
+    return Table(tool, priors, hypotheses, kept, problem.kernels, members)
 
 
 def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby: Table | None = None) -> Table:
@@ -158,9 +160,14 @@ def _near(members: Members) -> Members:
 
 
 def _weighed(problem: Problem, table: Table) -> Table:
-    """The table with the evidence of the poses left out."""
-    m = table.members
-    return replace(table, members=replace(m, log_evidence=m.log_evidence + _of_the_rest(problem, table)))
+    """The table with the evidence of the poses left out, and that the others are none."""
+    m, out = table.members, ~table.kept
+    rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
+    if out.any():
+        left, *known = explained(problem, table, table.best)
+        errors, variance = (left - sum(known))[out], m.variance[table.best]
+        rest += float(log_density_outlying(errors / np.sqrt(variance)) - 0.5 * np.sum(np.log(variance)) * len(errors))
+    return replace(table, members=replace(m, log_evidence=m.log_evidence + rest))
 
 
 def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array:
@@ -168,46 +175,42 @@ def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array
     return kernels.log_plausible(members.kernel, members.strength, noise, tool.weight + members.step[:, 0])
 
 
-def _of_the_rest(problem: Problem, table: Table) -> float:
-    """Logarithm of the probability of those left out, and that the others are none."""
-    out = ~table.kept
-    rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
-    if not out.any():
-        return float(rest)
-    left, *known = explained(problem, table, table.best)
-    errors, variance = (left - sum(known))[out], table.members.variance[table.best]
-    density = log_density_outlying(errors / np.sqrt(variance))
-    return float(rest + density - 0.5 * float(np.sum(np.log(variance))) * len(errors))
-
-
 def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array, Array]:
     """What a member leaves in all readings (n, 6) with its constant bias taken out, and what of that is known: the
     change of the bias or the pull of a cable, and the robot's turns.
     """
-    moved = np.tensordot(table.members.step[member], response_jacobian(table.tool, problem.names), 1)
-    turn = float(table.members.turn[member])
-    errors = problem.errors(table.tool, turn) - problem.R_base_flange.reshape(-1, 9) @ moved.T
     V = covariance_of_errors(problem, table, member)
-    errors = errors - V.constant(errors[table.kept, :, None])[0][:, 0]
-    left = V.precision_times(errors[table.kept, :, None])[:, :, 0]
-    if isinstance(V, Turned):
-        return errors, V.base.in_common(left), V.by_turns(left)
-    return errors, V.in_common(left), np.zeros_like(errors)
+    if not isinstance(V, Turned):
+        errors, of_kernel = explained_by_kernels(problem, table, np.array([member]))
+        return errors[0], of_kernel[0], np.zeros_like(errors[0])
+    errors, kept = _errors_of(problem, table, np.array([member]))[0], table.kept
+    errors = errors - V.constant(errors[kept, :, None])[0][:, 0]
+    left = V.precision_times(errors[kept, :, None])[:, :, 0]
+    return errors, V.base.in_common(left), V.by_turns(left)
+
+
+def explained_by_kernels(problem: Problem, table: Table, members: NDArray[np.intp]) -> tuple[Array, Array]:
+    """The same of `members` (k,) without turns, (k, n, 6): what they leave, and what of that their kernels are."""
+    L = table.kernels.at_poses(table.members.kernel[members], np.ones_like(table.kept))
+    return in_common(L, table.kept, problem.relative[table.kept], _errors_of(problem, table, members))
+
+
+def _errors_of(problem: Problem, table: Table, members: NDArray[np.intp]) -> Array:
+    """What members (k,), all turned alike, leave in all readings, (k, n, 6), their bias being the table's."""
+    moved = np.tensordot(table.members.step[members], response_jacobian(table.tool, problem.names), 1)
+    errors = problem.errors(table.tool, float(table.members.turn[members[0]]))
+    return np.asarray(errors - problem.R_base_flange.reshape(-1, 9) @ moved.transpose(0, 2, 1))
 
 
 def covariance_of_errors(problem: Problem, table: Table, member: int, without_kernel: bool = False) -> ErrorCovariance:
     """Of all poses, under a member; `without_kernel`: but for what its kernel has."""
-    m = table.members
-    columns = table.kernel_of(member)[0].columns
-    base = AlikeOnAxes(
-        table.kept, problem.relative, m.variance[member], columns, 0.0 if without_kernel else float(m.strength[member])
-    )
+    m, columns = table.members, table.kernel_of(member)[0].columns
+    strength = 0.0 if without_kernel else float(m.strength[member])
+    base = AlikeOnAxes(table.kept, problem.relative, m.variance[member], columns, strength)
     if m.robot[member] < 0:
         return base
-    alike = problem.robot[m.robot[member]]
-    return Turned(
-        base, turns_across_gravity(table.tool, problem.R_base_flange, alike, table.kept), float(m.turn[member])
-    )
+    turns = turns_across_gravity(table.tool, problem.R_base_flange, problem.robot[m.robot[member]], table.kept)
+    return Turned(base, turns, float(m.turn[member]))
 
 
 def settled(
@@ -223,8 +226,7 @@ def settled(
     far from where the readings point, they would take up what is no error of it; they begin where a table `nearby` has
     them.
     """
-    table = _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among))
-    return _turns_last(problem, table, among, nearby)
+    return _turns_last(problem, _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among)), among, nearby)
 
 
 def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None, nearby: Table | None = None) -> Table:
@@ -237,13 +239,18 @@ def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None, 
 def settled_beside(problem: Problem, first: Table) -> Table | None:
     """The table of all poses near the `first`, with turns if that has any; None where it comes nowhere near."""
     kept, kernels = np.ones(len(first.kept), dtype=bool), np.arange(len(problem.kernels.drift))
-    table, with_turns = _untouched(problem, first.tool, kept, first.hypotheses, kernels), first.members.robot.max() >= 0
-    table = _with_turns(problem, table, kernels) if with_turns else table
-    if _weighed(problem, table).log_evidence < first.log_evidence - 2.0 * FAR:  # linearised elsewhere
+    with_turns = first.members.robot.max() >= 0
+
+    def beside(hypotheses: tuple[Hypothesis, ...]) -> Table:
+        table = _untouched(problem, first.tool, kept, hypotheses, kernels)
+        return _with_turns(problem, table, kernels) if with_turns else table
+
+    look = beside((first.hypotheses[first.members.hypothesis[first.best]],))
+    if _weighed(problem, look).log_evidence < first.log_evidence - 2.0 * FAR:  # linearised elsewhere
         return None
     if with_turns:
-        return _weighed(problem, _centred(problem, table, None))
-    table = _centred(replace(problem, robot=()), table, None)
+        return _weighed(problem, _centred(problem, beside(first.hypotheses), None))
+    table = _centred(replace(problem, robot=()), beside(first.hypotheses), None)
     near = _weighed(problem, table).log_evidence > first.log_evidence - FAR
     return _turns_last(problem, table, None) if near else None
 
@@ -264,9 +271,7 @@ def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> 
 
 
 def _bent(problem: Problem, table: Table, step: Array, moved: RigidTool) -> float:
-    """By how many standard deviations readings and priors differ at the tool `moved` by a `step` (p,) from what they
-    are taken to be there where all is linearised.
-    """
+    """By how many standard deviations readings and priors at the tool `moved` by a `step` (p,) differ from linear."""
     if not np.isclose(moved.weight, table.tool.weight + step[0], rtol=1e-9, atol=0.0):
         return np.inf
     m, known = table.members, table.priors.known

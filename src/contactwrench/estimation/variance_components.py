@@ -124,9 +124,9 @@ def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Opti
     covariance = inverse_of(information)
     left, of_J = weighted @ np.append(-covariance @ pull, 1.0), weighted[:, :, :p]
     dof = np.zeros(8)
-    along = (V.drift.T @ of_J.reshape(m, -1)).reshape(-1, 6, p)
+    along = (V.base.drift.T @ of_J.reshape(m, -1)).reshape(-1, 6, p)
     of_drift = V.dof_of_drift - ((along @ covariance) * along).sum(axis=(0, 2))
-    dof[:6] = V.relative @ (V.precision_diagonal - ((of_J @ covariance) * of_J).sum(axis=2))
+    dof[:6] = V.base.relative[V.base.kept] @ (V.precision_diagonal - ((of_J @ covariance) * of_J).sum(axis=2))
     dof[6] = of_drift.sum()
     dof[7] = 6.0 * m - (covariance * total[:p, :p]).sum() - dof[:7].sum()
     prior = _prior(linear, V, usual_share)
@@ -210,7 +210,7 @@ def members_of(
     pull[:, linear.columns] += priors.pull[h]
     covariance = inverse_of(information)
     step = (covariance @ pull[..., None])[..., 0]
-    misfit = optimum.total[p, p] - np.einsum("hp,hp->h", step, pull) + priors.misfit[h]
+    misfit = optimum.total[p, p] - np.einsum("hp,hp->h", step, pull) + priors.precision[h] @ priors.known.residuals**2
     information[place] += priors.of_volume[h]
     log_det = np.linalg.slogdet(information)[1]
     log_evidence = 0.5 * (_log_volume(linear, optimum, strengths) - V.log_determinant - log_det - misfit)
@@ -275,7 +275,7 @@ def _of_pairs_turns_first(V: Turned, W: Array, known: Array) -> Array:
     """The same where V is a sum of z z^T, some of one pose each: the sums of (z^T P z')^2 over the z of one part and
     the z' of another.
     """
-    (m, q), c = V.drift.shape, V.columns.shape[2]
+    (m, q), c = V.base.drift.shape, V.columns.shape[2]
     root = np.sqrt(V.base.relative[V.base.kept])[:, None, None]
     each = np.concatenate([root * np.eye(6), V.turned], axis=2)  # the z (m, 6, 8) that each pose has for itself
     of_each = each.transpose(0, 2, 1) @ W

@@ -105,8 +105,7 @@ class Frozen(Sealed):
     """A base of frozen results in which every field is `frozen`."""
 
     def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        self.__setstate__(vars(self))
 
 
 def column(*row: int, kind: DTypeLike = np.float64) -> dict[str, Any]:
