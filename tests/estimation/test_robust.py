@@ -15,7 +15,7 @@ from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import AmbiguityError
 from tests.support.poses import SIX_SPREAD
 from tests.support.rigs import NOISE, example, noisy
-from tests.support.world import Array, Rig, noisy_readings, random_rig, random_rotations, readings
+from tests.support.world import DOWN, Array, Rig, noisy_readings, random_rig, random_rotations, readings
 
 BAD = [3, 8, 9, 20]
 RIGID = ("auto", "yaw", "mount", "mount+base")
@@ -150,6 +150,19 @@ def test_a_step_of_the_bias_is_located_and_the_last_bias_kept(model: str, after:
     assert _left_out(calibration) == []
     assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.5
     assert calibration.weight == pytest.approx(rig.weight, abs=5.0 * calibration.std["weight"])
+
+
+@pytest.mark.parametrize(("seed", "poses"), [(2, 8), (10, 8), (11, 12), (18, 10), (37, 12)])
+def test_a_light_tool_zeroed_on_the_way_has_neither_another_sign_nor_another_weight(seed: int, poses: int) -> None:
+    """By about what it weighs: from a start under a steady bias it was refused, "the weight comes out as -4 N"."""
+    rig, R, rng = example(seed, poses)
+    yaw = Rotation.from_euler("z", rng.uniform(0.0, 6.0)).as_matrix()
+    rig = replace(rig, weight=4.0, R_flange_sensor=yaw, down=np.array(DOWN))
+    wrench = noisy_readings(rig, R, 0.6 * NOISE, rng)
+    wrench[poses // 2 :] -= wrench[poses // 2].copy()
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=EVERY_10_S[:poses]))
+    assert calibration.weight == pytest.approx(4.0, abs=5.0 * calibration.std["weight"])
+    assert [finding.kind for finding in _of_bias(calibration)] == [Kind.BIAS_STEPPED]
 
 
 def test_a_step_among_bumped_poses() -> None:

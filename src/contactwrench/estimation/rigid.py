@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
-from ..model import PARAMETERS, RigidTool, response, response_jacobian
+from ..model import PARAMETERS, RigidTool, gravity_in_flange, response, response_jacobian
 from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate
 from .hypotheses import WIDTHS, Hypothesis, hypotheses_of
@@ -46,6 +46,9 @@ CLOSE = 1.0
 
 WIDE = 0.1
 """rad, of the tilt of a mounting or a base that is looked for near nominal."""
+
+FEWEST_FOR_STEP, MOST_OF_IT = 8, 0.75
+"""Poses, and the share of what is left, from which on a start counts a step of the bias."""
 
 EVEN = 1.5
 """Ratio of the poses' own variances up to which they count alike."""
@@ -166,11 +169,14 @@ def _settled_only(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesi
 
 
 def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = None) -> RigidTool:
-    """The most promising guess, brought close to its optimum under a steady bias."""
+    """The most promising guess, brought close to its optimum under a bias that is steady, or made one step."""
     kept = np.ones(len(problem.wrench), dtype=bool) if kept is None else kept
-    R, wrench = problem.R_base_flange[kept], problem.wrench[kept]
-    both = np.column_stack([R.reshape(-1, 9), wrench])
-    rows: Array = np.linalg.qr(both - both.mean(axis=0)).R  # few, with the moments of all
+    both = np.column_stack([problem.R_base_flange[kept].reshape(-1, 9), problem.wrench[kept]])
+    before = _before_a_step(problem, kept)
+    for part in (before, ~before):
+        both[part] -= both[part].mean(axis=0) if part.any() else 0.0
+    R, wrench = both[:, :9].reshape(-1, 3, 3), both[:, 9:]
+    rows: Array = np.linalg.qr(both).R  # few, with the moments of all
     wide = Hypothesis(None if search.any_mounting else WIDE, None if search.any_base else WIDE, (False, False), 0.0)
     beyond_tools = float(np.sum(rows[9:, 9:] ** 2 / relative_variances(problem.question.noise)))
     enough, reached = beyond_tools * (1.0 + AS_GOOD / max(len(wrench) - 10.0, 1.0)), list[tuple[float, RigidTool]]()
@@ -179,6 +185,24 @@ def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = No
         if reached[-1][0] < enough:
             break
     return min(reached, key=lambda misfit_and_tool: misfit_and_tool[0])[1]
+
+
+def _before_a_step(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which of the poses kept (m,) come before the step of the bias that makes most of what is left beside a linear
+    response to gravity as stated; none where no step does. A sensor that was zeroed anew between them by more than a
+    light tool weighs would lead to another sign, or mounting, from where no step leads back.
+    """
+    steps = [drift.columns[kept] for drift in problem.kernels.drifts if drift.first_after is not None]
+    m = int(kept.sum())
+    if not steps or m < FEWEST_FOR_STEP:
+        return np.zeros(m, dtype=bool)
+    r = gravity_in_flange(problem.R_base_flange[kept], problem.question.gravity_direction)
+    before, response_of_any = np.hstack(steps), np.linalg.qr(np.column_stack([np.ones(m), r])).Q
+    wrench = problem.wrench[kept] / np.sqrt(relative_variances(problem.question.noise))
+    left, seen = (values - response_of_any @ (response_of_any.T @ values) for values in (wrench, before))
+    by_step = np.sum((seen.T @ left) ** 2, axis=1) / np.maximum(np.sum(seen**2, axis=0), 1e-6)
+    best = int(np.argmax(by_step))
+    return np.asarray((before[:, best] > 0.5) & (by_step[best] > MOST_OF_IT * np.sum(left**2)))
 
 
 def _approached(
