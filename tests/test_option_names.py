@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Callable
 from inspect import signature
 from pathlib import Path
+from typing import Any
 
 import contactwrench as cw
 
 PACKAGE = Path(cw.__file__).parent
 ROWS = re.findall(r"^\| (`--.*?) \| (.*) \|$", (Path(__file__).parents[1] / "docs/python.md").read_text("utf-8"), re.M)
 OPTION = re.compile(r"(?<![\w-])--([a-z][a-z0-9-]*[a-z0-9])")
-FUNCTIONS = {"`cw.read`;": cw.read, "`cw.calibrate`;": cw.calibrate, "`cw.Compensator`;": cw.Compensator}
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "`cw.read`;": cw.read,
+    "`cw.calibrate`;": cw.calibrate,
+    "`cw.Compensator`;": cw.Compensator,
+}
 
 
 def _in_messages() -> set[str]:
