@@ -160,6 +160,8 @@ def test_no_weight_at_all_is_not_made_up(seed: int) -> None:
         ({"g": 0.0}, "g is 0, expected 0.1 to 100 m/s\\^2"),
         ({"g": np.inf}, "g is inf, expected 0.1 to 100 m/s\\^2"),
         ({"noise": NOISE[:3]}, "noise must be six standard deviations .*1e-12 to"),
+        ({"noise": 0.0}, r"noise must be six .*, one number, N, or a recording .*; found \[0. 0. 0. 0. 0. 0.\]"),
+        ({"noise": "0,05"}, "^found '0,05', expected numbers: one in N, or six, N of forces and N m of torques$"),
         ({"noise": 0.0 * NOISE}, "noise must be six standard deviations .*1e-12 to"),
         ({"noise": -NOISE}, "noise must be six standard deviations .*1e-12 to"),
         ({"noise": np.full(6, np.nan)}, "noise must be six standard deviations .*1e-12 to"),
@@ -170,6 +172,13 @@ def test_arguments_that_cannot_be_meant(arguments: dict[str, Any], message: str)
     rig, R, rng = example(1)
     with pytest.raises(InputError, match=message):
         cw.calibrate(noisy(rig, R, rng), **arguments)
+
+
+def test_one_number_of_noise_is_in_newtons_as_of_a_compensator() -> None:
+    rig, R, rng = example(1)
+    samples = noisy(rig, R, rng)
+    found, expected = (cw.calibrate(samples, noise=noise) for noise in (0.05, [0.05] * 3 + [0.0025] * 3))
+    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-6, atol=1e-12)
 
 
 def test_no_samples() -> None:

@@ -191,6 +191,16 @@ def test_a_mounting_that_differs_is_named_with_its_angle(count: int) -> None:
         )
 
 
+def test_recordings_of_one_name_are_told_apart_by_their_number() -> None:
+    """Arrays have no other."""
+    some = [replace(samples, source="arrays") for samples in contradicting(5.0)[:2]]
+    first, second = calibrate_shared(some, ("mount",), "mount")
+    assert [line.split(", ")[0] for line in first.warnings if "contradicts" in line] == [
+        "weak: arrays 2 contradicts the other recording"
+    ]
+    assert (first.provenance["shared_with"], second.provenance["shared_with"]) == ("arrays 2", "arrays 1")
+
+
 @pytest.mark.slow
 def test_one_mounting_contradicts_nothing() -> None:
     for calibrations in (calibrate_shared(contradicting(0.0), ("mount",), "mount"), agreeing()):

@@ -101,7 +101,7 @@ def compensate(
 ) -> None:
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration.calibration import Calibration
-    from ..compensate.noise import with_torques
+    from ..estimation.noise import with_torques
     from ..recording.compensate import Treatment
     from ..recording.compensate_set import one_of_set
     from ..report.contacts import compensate_recording, require_writable

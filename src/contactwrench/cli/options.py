@@ -65,7 +65,7 @@ def spelled(run: Callable[..., Any], parameters: Collection[Parameter]) -> Calla
 
 def noise_or_file(text: str, what: str) -> Array | Path:
     """What --noise says: std (6,) from a number, N; or the file with a recording of `what`. Raises `InputError`."""
-    from ..compensate.noise import with_torques
+    from ..estimation.noise import with_torques
 
     try:
         std = float(text)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
+from ..estimation.noise import with_torques
 from ..geometry.arrays import Array, number, numbers, read_only, seconds
 from ..geometry.orientation import OrientationLike, numbers_of
 from ..geometry.ranges import CAPACITY, DURATION, PER_KELVIN, RATE, WALK
@@ -27,7 +28,7 @@ from .delay import use_delay
 from .faults import BACK, SAME, measured_by, reason_of
 from .filters import LowPass, gains_of_poses, use_low_passes
 from .inertia import use_inertia
-from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
+from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise
 from .runner import NOTHING_TOLD, TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
 from .shaking import known_motion
 from .state import COVARIANCE, ENDED, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State
@@ -107,8 +108,7 @@ class Compensator:
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
         s.dof, s.follows_bias, s.measured = calibration.dof, drift is not None, measured_by(calibration)
-        of_an_hour = six_numbers(None if drift is None else with_torques(drift), "drift", WALK)
-        s.walk = [std * std / HOUR for std in of_an_hour]
+        s.walk = [a * a / HOUR for a in six_numbers(None if drift is None else with_torques(drift), "drift", WALK)]
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from ..estimation.noise import variance_of_digits, variance_of_means
-from ..geometry.arrays import Array, numbers
+from ..estimation.noise import variance_of_digits, variance_of_means, with_torques
+from ..geometry.arrays import Array
 from ..geometry.ranges import NOISE_OR_NONE, READING, Range
 from ..samples.poses import Pose
 from ..samples.still_noise import StillNoise
@@ -22,8 +22,6 @@ from .state import NOISE_LEARNED, OCTAVES, Sample, State, kernel
 
 LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
 """N and N m: less noise than this no sensor has, and rounding begins to count."""
-PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
-"""A noise or a drift of one number, N, stands for as many N m at a lever of 5 cm, as in `TYPICAL_DRIFT`."""
 LEAST_ROWS = 10
 LEAST_PAIRS = 8
 """Of means, whose differences tell an Allan variance."""
@@ -169,16 +167,6 @@ def between_poses(calibration: Calibration, of_row: Array) -> Array:
     of_single = all_of_it / np.repeat(shares, 3) * are_samples  # a single axis' variance is learned to a sixth only
     known = [pose.wrench_cov.diagonal() if pose.n > 1 else of_single for pose in calibration.fitted_poses]
     return np.asarray(np.maximum(all_of_it - (np.mean(known, axis=0) if known else of_single), 0.0))
-
-
-def with_torques(values: ArrayLike) -> Array:
-    """Numbers as they are, but a single one, N, as six: `PER_NEWTON`. Raises `InputError` for what is no number."""
-    try:
-        array = numbers(values, "noise")
-    except InputError:
-        found = " ".join(repr(values).split())[:60]
-        raise InputError(f"found {found}, expected numbers: one in N, or six, N of forces and N m of torques") from None
-    return array * PER_NEWTON if array.ndim == 0 else array
 
 
 def six_numbers(values: ArrayLike | None, what: str, within: Range, default: float = 0.0) -> list[float]:

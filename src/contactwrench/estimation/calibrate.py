@@ -79,7 +79,8 @@ def calibrate(
         samples: at rest at several orientations, or a recording with times in which the arm stops at them.
         model: `paper`, `yaw`, `mount`, `mount+base`, `affine`, or `auto` where nobody knows which of them holds;
             `dynamic`: as `auto`, and the inertia from what lies between the stops.
-        noise: of one pose's reading: std (6,), N and N m, or a recording at rest (n, 6); None: from the residuals.
+        noise: of one pose's reading: std (6,), N and N m; one number, N, which stands for as many N m at a lever of
+            5 cm; or a recording at rest (n, 6); None: from the residuals.
         gravity: direction (3,), base axes; None: down. `mount+base` and `auto` find it within 90 deg of this one.
         g: m/s^2, turns the weight into the mass; None: that of `prior`, or 9.80665.
         mount_tilt_sd: rad an axis, of the prior of `auto` on the mounting, 1.41 deg unless stated.

@@ -236,11 +236,11 @@ def _unconfirmed(fit: Estimate) -> Row:
 
 def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
     """What is left in one pose is left in the next as well: poses are taken for independent, which rows on the way are
-    not, and no std holds; or the bias moved without times. Errors of the robot may be alike where that is counted.
+    not, and no std holds; or the bias moved without times. What is counted may be alike: the robot's errors, the mean.
     """
     n = len(fit.residuals)
     left = fit.beyond_robot if may_go_on(len(readings), readings.time is not None) else fit.residuals
-    left = left / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-300)
+    left = (left - left.mean(axis=0)) / np.maximum(left.std(axis=0), 1e-300)
     alike = float(np.mean(left[1:] * left[:-1])) if n > 1 else 0.0
     worth = (1.0 - alike) / max(1.0 + alike, 1e-300)
     found = f"what is left in one pose is left in the next too (correlation {alike:.2f}), as"

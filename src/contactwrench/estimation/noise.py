@@ -54,6 +54,9 @@ LARGEST_STEP = 2.0
 MOST_DOF = 1e6
 """What a parameter that the prior alone settles is said to have."""
 
+PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+"""A noise or a drift of one number, N, stands for as many N m at a lever of 5 cm, as in `TYPICAL_DRIFT`."""
+
 NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 
 
@@ -189,17 +192,27 @@ class StatedNoise:
     dof: float = 0.0
 
 
+def with_torques(values: ArrayLike) -> Array:
+    """Numbers as they are, but a single one, N, as six: `PER_NEWTON`. Raises `InputError` for what is no number."""
+    try:
+        array = numbers(values, "noise")
+    except InputError:
+        found = " ".join(repr(values).split())[:60]
+        raise InputError(f"found {found}, expected numbers: one in N, or six, N of forces and N m of torques") from None
+    return array * PER_NEWTON if array.ndim == 0 else array
+
+
 def stated_noise(noise: NoiseLike) -> StatedNoise | None:
     """The noise of one pose's reading from what the user states of it, or None. Raises `InputError`."""
     if noise is None:
         return None
-    values = numbers(noise.wrench if isinstance(noise, Samples) else noise, "noise")
+    values = with_torques(noise.wrench if isinstance(noise, Samples) else noise)
     if values.ndim == 2 and values.shape[1] == 6 and len(values) >= 2:
         values = values.std(axis=0, ddof=1)
     if values.shape != (6,) or len(NOISE_OF_AXIS.outside(values)):
         raise InputError(
-            f"noise must be six standard deviations (fx..tz), {NOISE_OF_AXIS}, or a recording at rest (n, 6) in which "
-            f"every axis moves; found {np.array2string(values, threshold=8, max_line_width=1000)}"
+            f"noise must be six standard deviations (fx..tz), {NOISE_OF_AXIS}, one number, N, or a recording at rest "
+            f"(n, 6) in which every axis moves; found {np.array2string(values, threshold=8, max_line_width=1000)}"
         )
     return StatedNoise(values)
 

@@ -103,7 +103,8 @@ def calibrate_shared(
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), known or {})
     recorded = [from_recording(samples, question, g) for samples in recordings]
-    sources = [recording.samples.source for recording in recorded]
+    named = [recording.samples.source for recording in recorded]
+    sources = [f"{name} {k}" if named.count(name) > 1 else name for k, name in enumerate(named, 1)]
     messages, leader = _messages(recorded, sharing)
     asked = [
         replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in messages if m is not own)))

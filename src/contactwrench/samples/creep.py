@@ -23,6 +23,8 @@ LEAST = 1e-6
 """N: a load that changes so little tells nothing of creep."""
 TIMES_AS_LONG = 100.0
 """As each stop: until then creep is taken to go on, minutes after stops of seconds."""
+TOUCHED = 8.0
+"""Times as far off what most stops have in common as half of them are: a stop that was touched, which tells nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +71,16 @@ def creep_of(stops: Sequence[Stop]) -> Creep | None:
     drift = np.array([change_within(stop.force) for stop in known[1:]])
     middle = 0.5 * (begin + end)
     predicted = (_mean_logarithms(came, middle, end) - _mean_logarithms(came, begin, middle)) @ change
+    off = np.linalg.norm(drift - _in_common(drift, predicted) * predicted, axis=1)
+    alike = off <= TOUCHED * np.median(off)
+    drift, predicted = drift[alike], predicted[alike]
     squares = float(np.sum(predicted**2))
     if squares < LEAST**2:
         return None
     per_e_fold = float(np.sum(drift * predicted)) / squares
     dof = predicted.size - 1.0
     std = float(np.sqrt(np.sum((drift - per_e_fold * predicted) ** 2) / dof / squares))
-    turned = np.array([stop.turn for stop in known[1:]])[:, None] * (level - level.mean(axis=0))[1:]
+    turned = (np.array([stop.turn for stop in known[1:]])[:, None] * (level - level.mean(axis=0))[1:])[alike]
     by_the_arm = float(np.sqrt(np.sum(turned**2) / squares))
     surely = abs(per_e_fold) > max(float(stdtrit(dof, 1.0 - 0.5 * CHANCE)) * std, by_the_arm)
     remaining = np.log(TIMES_AS_LONG * (end - came)) - np.diag(_mean_logarithms(came, begin, end))
@@ -88,6 +93,16 @@ def change_within(readings: Array) -> Array:
     """By how much (k,) the later half of readings (n, k) differs from the earlier one."""
     half = len(readings) // 2
     return np.asarray(readings[half:].mean(axis=0) - readings[:half].mean(axis=0))
+
+
+def _in_common(drift: Array, predicted: Array) -> float:
+    """The part of what is `predicted` (n, 3) that leaves the least sum of sizes of the `drift` (n, 3), not of squares:
+    no single stop moves it far.
+    """
+    size = np.abs(predicted).ravel()
+    share = (drift / np.where(predicted == 0.0, 1.0, predicted)).ravel()
+    order = np.argsort(share)
+    return float(share[order][np.searchsorted(np.cumsum(size[order]), 0.5 * size.sum())])
 
 
 def _mean_logarithms(came: Array, begin: Array, end: Array) -> Array:
