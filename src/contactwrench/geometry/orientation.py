@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 OrientationLike: TypeAlias = "ArrayLike | Rotation"
+ORIENTATIONS = "(n, 3, 3) rotation matrices, (n, 4) quaternions x, y, z, w or a scipy Rotation"
+"""What is taken, in words."""
 
 ROTATION_TOLERANCE = 0.01
 """A quaternion's length, or a matrix's axes, may be off by this much (rounded figures in a table) and no more."""
@@ -134,10 +136,7 @@ def rotation_matrices(orientation: OrientationLike) -> tuple[Array, bool]:
         return from_quat_xyzw(values), False
     if values.ndim == 3 and values.shape[1:] == (3, 3):
         return nearest_rotations(values), False
-    raise InputError(
-        f"orientation has shape {values.shape}, expected (n, 3, 3) rotation matrices, (n, 4) quaternions x, y, z, w "
-        "or a scipy Rotation"
-    )
+    raise InputError(f"orientation has shape {values.shape}, expected {ORIENTATIONS}")
 
 
 def _euler(letters: str) -> Callable[[Array], Array]:
