@@ -16,7 +16,6 @@ from ..errors import InputError
 from ..geometry.arrays import Array, number, numbers, read_only, seconds
 from ..geometry.orientation import OrientationLike, numbers_of
 from ..geometry.ranges import CAPACITY, DURATION, PER_KELVIN, RATE, WALK
-from ..geometry.wrench import wrench_rows
 from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
 from .acceleration import told
@@ -214,7 +213,7 @@ class Compensator:
         """
         moving = () if motion is None else known_motion(self._calibration, orientation, motion)
         place = None if position is None and acceleration is None else told(self._calibration, position, acceleration)
-        samples, width = given(wrench_rows(wrench)[0], orientation, t, temperature, place, *moving)
+        samples, width = given(wrench, orientation, t, temperature, place, *moving)
         contacts, covariances, taken = list[Contact](), [covariance_of(self._runner.state)], 0
         while taken < len(samples):
             taken = self._runner.advance(samples, width, taken)

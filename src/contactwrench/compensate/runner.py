@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, numbers, read_only, seconds
 from ..geometry.orientation import OrientationLike, numbers_of
+from ..geometry.wrench import wrench_rows
 from ..subtract import compiled_by_numba
 from .contact_wrenches import Contact, ContactWrenches
 from .faults import SAME, reasons_of
@@ -63,7 +64,7 @@ def require_one(reading: Array, turn: Array, place: Array) -> None:
 
 
 def given(
-    readings: Array,
+    wrench: ArrayLike,
     orientation: OrientationLike,
     t: ArrayLike,
     temperature: ArrayLike | None,
@@ -74,6 +75,10 @@ def given(
     `moving` its terms (n, 12), and by how much the variance (n, 6) grows in it, where they are known. Raises
     `InputError` for shapes that do not pair.
     """
+    readings, leading = wrench_rows(wrench)
+    if len(leading) > 1:
+        found = f"wrench has shape {(*leading, 6)}, expected (n, 6), one after the other in time"
+        raise InputError(f"{found}: run each sequence by itself, after reset()")
     n, turns, times = len(readings), numbers_of(orientation), seconds(t)
     heats = np.full(n, nan) if temperature is None else numbers(temperature, "temperature")
     told = np.full((n, 3), nan) if told is None else told
