@@ -126,7 +126,7 @@ class Calibration(CalibrationFields):
         """What a free tool reads.
 
         Args:
-            orientation: `R_base_flange`: matrices (n, 3, 3), quaternions x, y, z, w (n, 4), scipy Rotation; (b, n, ...) too.
+            orientation: `R_base_flange`: matrices (n, 3, 3), quaternions x, y, z, w (n, 4), Rotation; (b, n, ...) too.
 
         Returns:
             Free wrench (n, 6), N and N m, sensor axes; (6,) of a single orientation, (b, n, 6) of a batch.

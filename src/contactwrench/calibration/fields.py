@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Matrix, ReadOnlyDict, Vector, frozen, read_only, shaped
 from ..geometry.orientation import OrientationLike, rotation_matrices
 from ..geometry.rotations import spread_rotations
@@ -284,3 +285,9 @@ class CalibrationFields(Frozen, WithFindings):
         if any(finding.severity is Severity.WEAK for finding in self.findings):
             return "weak"
         return "doubtful" if self.doubts else "good"
+
+
+def require_calibration(calibration: object) -> None:
+    """Raise `InputError` for what is none, as the name of its file is."""
+    if not isinstance(calibration, CalibrationFields):
+        raise InputError(f"found {type(calibration).__name__}, expected a Calibration: cw.Calibration.load(path)")
