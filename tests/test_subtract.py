@@ -75,6 +75,64 @@ def test_step_and_batch_agree(seed: int, n: int) -> None:
     assert isinstance(one_by_one[0], tuple)
 
 
+@both_kernels
+@pytest.mark.parametrize("leading", [(3, 4), (2, 3, 4), (1, 1), (2, 0)])
+def test_a_batch_of_sequences_is_what_its_rows_are(force_kernel: str, leading: tuple[int, ...]) -> None:
+    n = int(np.prod(leading))
+    calibration, R, _, wrench = _case(5, n)
+    quat_xyzw = Rotation.from_matrix(R).as_quat() if n else np.empty((0, 4))
+    batch = wrench.reshape(*leading, 6)
+    expected = calibration.compensate(wrench, R).reshape(*leading, 6)
+    for turns in (R.reshape(*leading, 3, 3), quat_xyzw.reshape(*leading, 4)):
+        assert calibration.compensate(batch, turns) == pytest.approx(expected, abs=1e-12)
+        assert calibration.predict(turns) == pytest.approx(batch - expected, abs=1e-12)
+        assert calibration.predict(turns).shape == calibration.wrench_std(turns).shape == (*leading, 6)
+        rows = turns.reshape(n, *turns.shape[len(leading) :])
+        assert np.array_equal(calibration.wrench_std(turns).reshape(n, 6), calibration.wrench_std(rows))
+        assert calibration.wrench_covariance(turns).shape == (*leading, 6, 6)
+        given, out = batch.copy(), np.empty_like(batch)
+        assert calibration.compensate(given, turns, out=out) is out
+        assert calibration.compensate(given, turns, out=given) is given
+        assert np.array_equal(given, out)
+        assert out == pytest.approx(expected, abs=1e-12)
+    one = calibration.compensate(batch, np.eye(3))
+    assert np.array_equal(one, calibration.compensate(wrench, np.eye(3)).reshape(*leading, 6))
+    turned = np.swapaxes(batch, 0, -2)  # not one row after the other in memory
+    assert calibration.compensate(turned, np.eye(3)) == pytest.approx(np.swapaxes(one, 0, -2), abs=1e-12)
+
+
+def test_the_result_of_a_batch_has_its_shape() -> None:
+    calibration, R, _, wrench = _case(5, 6)
+    with pytest.raises(InputError) as raised:
+        calibration.compensate(wrench.reshape(2, 3, 6), R.reshape(2, 3, 3, 3), out=np.empty((6, 6)))
+    assert str(raised.value) == "out has shape (6, 6) and type float64, expected (2, 3, 6) float64, C order"
+
+
+def test_poses_are_no_quaternions_in_fours() -> None:
+    calibration, _ = _calibrated(5)
+    poses = np.zeros((5, 4, 4))
+    poses[:, :3, :3], poses[:, 3, 3] = np.eye(3), 1.0
+    for each in (calibration.predict, calibration.wrench_std, calibration.wrench_covariance):
+        with pytest.raises(InputError) as raised:
+            each(poses)
+        assert str(raised.value) == (
+            "orientation has shape (5, 4, 4), expected (n, 3, 3) rotation matrices, (n, 4) quaternions x, y, z, w or a "
+            "scipy Rotation"
+        )
+    fours = Rotation.from_matrix(random_rotations(20, np.random.default_rng(1))).as_quat().reshape(5, 4, 4)
+    assert calibration.predict(fours).shape == (5, 4, 6)
+
+
+def test_a_compensator_runs_one_sequence_at_a_time() -> None:
+    calibration, R, _, wrench = _case(5, 6)
+    with pytest.raises(InputError) as raised:
+        cw.Compensator(calibration, noise=0.1, fast=False).run(wrench.reshape(2, 3, 6), R, np.arange(6.0))
+    assert str(raised.value) == (
+        "wrench has shape (2, 3, 6), expected (n, 6), one after the other in time: run each sequence by itself, after "
+        "reset()"
+    )
+
+
 @pytest.mark.skipif(find_spec("numba") is None, reason="no numba")
 def test_kernels_agree_to_rounding(monkeypatch: pytest.MonkeyPatch) -> None:
     calibration, R, _, wrench = _case(3, 60_000)
@@ -235,7 +293,13 @@ def test_a_nan_in_a_reading_stays_in_its_row(force_kernel: str) -> None:
         (np.ones(5), np.ones((5, 4)) / 2, r"wrench has shape \(5,\)"),
         (np.ones((5, 6)), np.ones((4, 4)) / 2, r"orientation has shape \(4, 4\).*for 5 readings"),
         (np.ones((5, 6)), np.ones((5, 3)), r"orientation has shape \(5, 3\)"),
-        (np.ones((2, 5, 6)), np.ones(4) / 2, r"wrench has shape \(2, 5, 6\)"),
+        (
+            np.ones((2, 5, 6)),
+            np.ones((10, 4)) / 2,
+            r"shape \(10, 4\), expected \(2, 5, 3, 3\) .* \(2, 5, 4\) .* 10 read",
+        ),
+        (np.ones((2, 5, 6)), np.ones((5, 4)) / 2, r"orientation has shape \(5, 4\)"),
+        (np.ones((2, 5)), np.ones((2, 4)) / 2, r"wrench has shape \(2, 5\)"),
     ],
 )
 def test_shapes_that_do_not_pair(wrench: Array, orientation: Array, message: str) -> None:

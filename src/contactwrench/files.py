@@ -250,7 +250,8 @@ def file_of(path: str | Path) -> Path:
 
 @contextmanager
 def cause_named(path: str | Path) -> Iterator[None]:
-    """Whatever the system says against writing becomes `FileAccessError`."""
+    """Whatever the system says against writing becomes `FileAccessError`. Raises `InputError` for what is no path."""
+    name_of(path)
     try:
         yield
     except FileAccessError:

@@ -15,17 +15,19 @@ from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from itertools import pairwise
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError
-from .geometry.arrays import Array, numbers
+from .geometry.arrays import Array
 from .geometry.orientation import (
     ROTATION_TOLERANCE,
     OrientationLike,
     nearest_rotations,
+    numbers_of,
     require_rotations,
     require_unit,
 )
@@ -60,50 +62,48 @@ def compensate(
     Args:
         matrix: what was identified, B (6, 4), with a motion [B D] (6, 16).
         gravity_direction: (3,) unit vector, base axes.
-        wrench: readings (n, 6), or (6,) of one, N and N m, sensor axes.
-        orientation: `R_base_flange` as matrices (n, 3, 3), quaternions x, y, z, w (n, 4) or a scipy Rotation, or one of
-            them for all readings. From 50,000 on, matrices that are rotations within 1 % are taken as they are.
-        out: (n, 6) float64, C order, which receives the result; it may be `wrench` itself, and shares no memory else.
+        wrench: readings (n, 6), (6,) of one, or (..., 6) of a batch of sequences, N and N m, sensor axes.
+        orientation: `R_base_flange` as matrices (n, 3, 3), quaternions x, y, z, w (n, 4) or a scipy Rotation, shaped as
+            the readings, or one for all. From 50,000 on, matrices that are rotations within 1 % are taken as they are.
+        out: as `wrench`, float64, C order, receives the result; it may be `wrench` itself, and shares no memory else.
         motion: of the flange at the moments of the n readings; None: it is at rest.
 
     Returns:
-        (n, 6), or (6,) of one, N and N m, sensor axes.
+        As `wrench`, N and N m, sensor axes.
 
     Raises:
         InputError: shapes that do not pair; an orientation that is none by over 1 % or NaN, `out` filled in part.
     """
-    readings, single = wrench_rows(wrench)
+    readings, leading = wrench_rows(wrench)
     if not len(readings) and out is None:
-        return readings.copy()
+        return np.empty((*leading, 6))
     if motion is not None and len(motion) != len(readings):
         raise InputError(f"found {len(motion)} moments of motion, expected {len(readings)}, one for each reading")
-    parts = _orientation_parts(orientation, len(readings))
-    result = np.empty_like(readings) if out is None else result_rows(out, single, readings, parts)
+    parts = _orientation_parts(orientation, leading or (1,))
+    result = np.empty_like(readings) if out is None else result_rows(out, leading, readings, parts)
     if len(readings) >= FUSED_FROM and find_spec("numba") is not None:
         fine = _compensate_fused(matrix, gravity_direction, readings, parts, motion, result)
     else:
         fine = _compensate_chunks(matrix, gravity_direction, readings, parts, motion, result)
     if not fine:
         (require_unit if parts.shape[1] == 4 else require_rotations)(parts)
-    if out is not None:
-        return out
-    return result[0] if single else result
+    return result.reshape(*leading, 6) if out is None else out
 
 
-def _orientation_parts(orientation: OrientationLike, n: int) -> Array:
+def _orientation_parts(orientation: OrientationLike, leading: tuple[int, ...]) -> Array:
     """Quaternions (n, 4) or row-major matrices (n, 9) as they were given; one orientation counts for all."""
-    if hasattr(orientation, "as_quat"):
-        orientation = orientation.as_quat()
-    values = numbers(orientation, "orientation")
+    values, n = numbers_of(orientation), prod(leading)
     if values.shape in {(4,), (3, 3)}:
         return np.broadcast_to(values.reshape(1, -1), (n, values.size))
-    if values.shape == (n, 4):
-        return values
-    if values.shape == (n, 3, 3):
-        return (nearest_rotations(values) if n < FUSED_FROM else values).reshape(n, 9)
+    if values.shape == (*leading, 4):
+        return values.reshape(n, 4)
+    if values.shape == (*leading, 3, 3):
+        matrices = values.reshape(n, 3, 3)
+        return (nearest_rotations(matrices) if n < FUSED_FROM else matrices).reshape(n, 9)
+    of_each = ", ".join(map(str, leading))
     raise InputError(
-        f"orientation has shape {values.shape}, expected ({n}, 3, 3) rotation matrices or ({n}, 4) quaternions "
-        f"x, y, z, w for {n} readings"
+        f"orientation has shape {values.shape}, expected ({of_each}, 3, 3) rotation matrices or ({of_each}, 4) "
+        f"quaternions x, y, z, w for {n} readings"
     )
 
 

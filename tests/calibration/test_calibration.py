@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.calibration.text import verdict_sentences
+from contactwrench.errors import InputError
 from contactwrench.statistics import two_digits
 from tests.support.recordings import PANDA
 from tests.support.rigs import NOISE, example, noise_free, noisy, samples_of_a_design
@@ -251,3 +252,36 @@ def test_g_is_what_turned_the_weight_into_the_mass() -> None:
     by_hand = dataclasses.replace(cw.calibrate(samples, "mount", g=9.7803), provenance={})
     assert by_hand.g == pytest.approx(9.7803, rel=1e-12)
     assert dataclasses.replace(cw.calibrate(samples, "affine", g=9.7803), provenance={}).g == 9.80665
+
+
+@pytest.mark.parametrize("name", ["mount", "gravity", "inertia", "sensor_offset", "mass", ""])
+def test_what_has_no_interval_is_said(name: str) -> None:
+    with pytest.raises(InputError) as raised:
+        _calibration("mount").interval(name)
+    assert str(raised.value) == (
+        f"model mount has no interval of {name!r}, expected one of weight, com, bias, yaw, inertia, sensor_offset"
+    )
+
+
+@pytest.mark.parametrize(
+    ("level", "said"),
+    [
+        ("a", "level has text, expected numbers: convert them, as by .astype(float)"),
+        (None, "level is None, expected numbers"),
+        (95.0, "level is 95.0, expected between 0 and 1, as in 0.95"),
+        (np.nan, "level is nan, expected between 0 and 1, as in 0.95"),
+    ],
+)
+def test_a_level_is_a_probability(level: float, said: str) -> None:
+    calibration = _calibration("mount")
+    for ask in (lambda: calibration.interval("weight", level), lambda: calibration.t_quantile(level)):
+        with pytest.raises(InputError) as raised:
+            ask()
+        assert str(raised.value) == said
+
+
+def test_a_calibration_is_saved_under_a_path() -> None:
+    for path, found in ((None, "None"), (3, "3"), ([], "a list")):
+        with pytest.raises(InputError) as raised:
+            _calibration("mount").save(path)  # type: ignore[arg-type]
+        assert str(raised.value) == f"path is {found}, expected a str or a Path: name a file"

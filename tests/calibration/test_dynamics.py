@@ -331,3 +331,12 @@ def test_the_ellipsoid_of_a_calibration_is_that_of_its_mass_and_inertia() -> Non
     square = (c.ellipsoid.axes * c.ellipsoid.semi_axes**2) @ c.ellipsoid.axes.T
     assert square == pytest.approx(5.0 / c.mass * second_moments(moving.inertia), abs=1e-9)
     assert replace(c, dynamics=None).ellipsoid is None
+
+
+def test_an_interval_goes_with_its_std() -> None:
+    moving, c = known(2, "mount", noise=1.0)
+    for name, value in (("inertia", elements(moving.inertia)), ("sensor_offset", moving.offset)):
+        low, high = c.interval(name, 0.95)
+        assert low.shape == high.shape == c.std[name].shape == value.shape
+        assert (low + high) / 2.0 == pytest.approx(value)
+        assert high - low == pytest.approx(2.0 * c.t_quantile(0.95) * c.std[name])

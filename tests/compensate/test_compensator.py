@@ -317,8 +317,35 @@ def test_temperature_moves_the_bias_as_told() -> None:
     assert np.abs(batch.wrench).max() < 1e-6
     without = _compensator(calibration).run(wrench, R, times(200), heat)
     assert np.abs(without.wrench[-1]).max() == pytest.approx(2.0, abs=1e-3)
-    unknown = _compensator(calibration, temperature_coefficient=per_kelvin)(wrench[0], R[0], 1.0)
+    unknown = _compensator(calibration, temperature_coefficient=per_kelvin)(wrench[0], R[0], 1.0, np.nan)
     assert np.abs(unknown.wrench).max() < 1e-6
+
+
+def test_a_temperature_coefficient_asks_for_temperatures() -> None:
+    calibration, rig, rng = calibrated(8, exact=True)
+    R = swinging(rng, 20)
+    wrench, asks = readings(rig, R), _compensator(calibration, temperature_coefficient=np.full(6, 0.1))
+    for call in (lambda: asks(wrench[0], R[0], 0.0), lambda: asks.run(wrench, R, times(20))):
+        with pytest.raises(InputError) as raised:
+            call()
+        assert str(raised.value) == (
+            "found no temperature, expected one with each reading, as there is a temperature_coefficient: pass it, NaN "
+            "where it is not known"
+        )
+    assert asks.run(wrench, R, times(20), np.full(20, np.nan)).valid.all()
+    for none in (None, np.zeros(6)):
+        plain = _compensator(calibration, temperature_coefficient=none)
+        assert plain(wrench[0], R[0], 0.0).valid
+        assert plain.run(wrench, R, times(20) + 1.0).wrench.shape == (20, 6)
+
+
+@pytest.mark.parametrize("fast", ["a", 2, 0.5])
+def test_fast_is_said_or_left_open(fast: Any) -> None:
+    with pytest.raises(InputError) as raised:
+        cw.Compensator(calibrated(8, exact=True)[0], fast=fast)
+    assert str(raised.value) == (
+        f"fast is {fast!r}, expected True, False or None: None takes numba where it is installed"
+    )
 
 
 def test_std_has_calibration_and_noise() -> None:
@@ -433,7 +460,7 @@ def test_memory_does_not_grow() -> None:
 
     def one_second(start: float) -> None:
         for k in range(rate):
-            compensator(wrench[k], R[k], start + k / rate)
+            compensator(wrench[k], R[k], start + k / rate, 20.0)
 
     tracemalloc.start()  # before the buffers are filled: what they hold is replaced, not added
     for second in range(12):

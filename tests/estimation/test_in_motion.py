@@ -18,7 +18,7 @@ from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import ContactWrenchError, InputError, UnobservableError
 from contactwrench.estimation.in_motion import with_motion
 from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
-from contactwrench.samples.samples import at_limit
+from contactwrench.samples.limits import at_limit
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.settings import changed
 from contactwrench.simulate.trajectory import Motion, Push

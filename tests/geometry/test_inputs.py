@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta, timezone
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.assess.robot_arms import known_arm, within_limits
@@ -162,6 +164,92 @@ def test_a_date_that_is_none_is_a_nan_as_any_time() -> None:
         InputError, match=r"^t in sample 1 is nan, expected -1e\+19 to 1e\+19 s: leave such samples out$"
     ):
         cw.Samples(READINGS[:2], R[:2], dates)
+
+
+NOON = datetime(2024, 5, 1, 12)
+"""1714564800 s since 1970, in UTC."""
+
+
+@pytest.mark.parametrize("zone", [None, UTC, timezone(timedelta(hours=2))])
+def test_dates_of_python_are_those_of_numpy_and_state_their_time_zone(zone: timezone | None) -> None:
+    """Those of pandas are of this type too; a series with a time zone comes as an array of them."""
+    dates = [NOON.replace(tzinfo=zone) + timedelta(seconds=0.5) * k for k in range(12)]
+    hours = 0.0 if zone is None else (zone.utcoffset(None) or timedelta(0)).total_seconds()
+    expected = 1714564800.0 - hours + 0.5 * np.arange(12)
+    forms: tuple[Any, ...] = (dates, tuple(dates), np.array(dates), Frame(dates))
+    for given in forms:
+        assert np.array_equal(seconds(given), expected)
+        assert np.array_equal(cw.Samples(READINGS, R, given).t, expected)  # type: ignore[arg-type]
+        assert np.array_equal(cw.Samples(READINGS, R, given, came=given).came, expected)  # type: ignore[arg-type]
+    assert tool()[1](READINGS[0], R[0], dates[3]).t == expected[3]  # type: ignore[arg-type]
+
+
+def test_dates_of_which_some_state_a_time_zone_are_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        seconds([NOON, NOON.replace(tzinfo=UTC)])
+    assert str(caught.value) == (
+        "t has dates with a time zone and without, expected all with one or all without: state it with each, as by "
+        ".replace(tzinfo=)"
+    )
+
+
+def test_times_that_their_float_type_has_rounded_are_refused() -> None:
+    since_1970 = (1.7e9 + TIMES).astype(np.float32)
+    said = (
+        "t is float32, which has steps of 128 s at 1.7e+09 s, expected float64: convert what it was made of, as these "
+        "are rounded already"
+    )
+    ways: list[Callable[[], object]] = [
+        lambda: cw.Samples(READINGS, R, since_1970),
+        lambda: WrenchStream(since_1970, READINGS),
+        lambda: tool()[1].run(READINGS, R, since_1970),
+        lambda: tool()[1](READINGS[0], R[0], since_1970[0]),
+    ]
+    for way in ways:
+        with pytest.raises(InputError) as caught:
+            way()
+        assert str(caught.value) == said
+    with pytest.raises(InputError, match=r"^t is float16, which has steps of 0\.0312 s at 60 s, expected float64: "):
+        seconds(np.array([0.0, 60.0], np.float16))
+
+
+def test_times_of_32_bits_that_are_fine_enough_are_taken() -> None:
+    for fine in (TIMES, 1e5 + TIMES, np.full(3, np.nan), np.array([np.inf, 1.0]), np.empty(0)):
+        assert np.array_equal(seconds(fine.astype(np.float32)), fine, equal_nan=True)
+
+
+def test_rotations_one_by_one_are_told_how_to_become_one() -> None:
+    turns = Rotation.from_matrix(R)
+    each: list[Any] = list(turns)
+    forms: tuple[Any, ...] = (each, Frame(np.array(each)))
+    for given in forms:
+        for name, hand_over in (
+            ("R_base_flange", lambda a: cw.Samples(READINGS, a)),
+            ("orientation", tool()[0].predict),
+            ("orientation", lambda a: tool()[0].compensate(READINGS, a)),
+            ("orientation", lambda a: tool()[1].run(READINGS, a, TIMES)),
+        ):
+            with pytest.raises(InputError) as caught:
+                hand_over(given)
+            assert str(caught.value) == (
+                f"{name} has Rotations one by one, expected one of them all: Rotation.concatenate(list)"
+            )
+    assert cw.Samples(READINGS, Rotation.concatenate(each)).R_base_flange == pytest.approx(R)
+
+
+def test_none_is_no_column_but_where_it_may_be_left_out() -> None:
+    wanted: tuple[tuple[str, Callable[[Any], object]], ...] = (
+        ("wrench", lambda a: cw.Samples(a, R)),
+        ("R_base_flange", lambda a: cw.Samples(READINGS, a)),
+        ("t", lambda a: WrenchStream(a, READINGS)),
+        ("wrench", lambda a: tool()[0].compensate(a, R)),
+        ("t", lambda a: tool()[1](READINGS[0], R[0], a)),
+    )
+    for name, hand_over in wanted:
+        with pytest.raises(InputError) as caught:
+            hand_over(None)
+        assert str(caught.value) == f"{name} is None, expected numbers"
+    assert cw.Samples(READINGS, R, None, position=None).t is None
 
 
 def test_a_time_and_a_temperature_are_one_number() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
@@ -383,6 +384,31 @@ def test_what_a_program_gives_that_is_none_is_said_in_one_line(call: Callable[[]
     with pytest.raises(InputError) as raised:
         call()
     assert str(raised.value) == said
+
+
+def test_a_time_is_a_number() -> None:
+    text = "t has text, expected numbers: convert them, as by .astype(float)"
+    for t, said in ((None, "t is None, expected numbers"), ("1", text)):
+        with pytest.raises(InputError) as raised:
+            cw.live.Session().feed(t=t)  # type: ignore[arg-type]
+        assert str(raised.value) == said
+
+
+@pytest.mark.parametrize("way", [deepcopy, lambda session: pickle.loads(pickle.dumps(session))])
+def test_a_session_can_be_pickled_and_a_copy_goes_its_own_way(
+    way: Callable[[cw.live.Session], cw.live.Session], calibration: cw.Calibration
+) -> None:
+    for session in (cw.live.Session(), cw.live.Session(calibration)):
+        for role in ("sensor", "robot"):
+            session.opened(role, SENSOR, 0.0)
+        session.feed(
+            Batch([Sample(0.0, wrench=(0.0,) * 6)]), Batch([Sample(0.0, orientation=(0.0, 0.0, 0.0, 1.0))]), t=0.0
+        )
+        copied = way(session)
+        assert copied.phase is session.phase
+        for each in (session, copied):
+            assert each.feed(Batch([Sample(0.01, wrench=(1.0,) * 6)]), t=0.01).rows == 1
+        assert copied._wizard._streams.__self__ is copied  # type: ignore[attr-defined]
 
 
 def test_what_a_program_gives_may_lack_any_part(calibration: cw.Calibration) -> None:

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.errors import InputError
 from contactwrench.samples.flange_motion import flange_motion
-from contactwrench.samples.samples import at_limit, spikes
+from contactwrench.samples.limits import at_limit
+from contactwrench.samples.samples import spikes
 from tests.support.recordings import WRENCH, csv_text, run, written
 
 QUAT = ("qx", "qy", "qz", "qw")

@@ -14,7 +14,7 @@ import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.compensate.faults import Reason
 from contactwrench.recording.standing import Standing
-from contactwrench.samples.samples import channels_at_limit
+from contactwrench.samples.limits import channels_at_limit
 from tests.support.live import calibrated, times
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.rigs import NOISE

@@ -1,5 +1,6 @@
 """Samples are checked once and never change."""
 
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.errors import InputError
-from contactwrench.samples.samples import WrenchStream
+from contactwrench.samples.samples import OrientationStream, WrenchStream
 from tests.support.recordings import generic_rotations
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, noisy_readings
@@ -51,6 +52,62 @@ def test_orientations_of_other_kinds_are_made_matrices() -> None:
         cw.Samples(**fields() | {"R_base_flange": turns[:3]})
     with pytest.raises(InputError, match=r"^orientation 1 is "):
         cw.Samples(**fields() | {"R_base_flange": np.diag([1.0, 3.0, 1.0, 1.0])})
+
+
+def test_what_is_taken_is_what_the_types_say() -> None:
+    """Without an `ignore`: this file is checked by mypy, as a user's is. What the fields are then is arrays."""
+    readings: list[list[float]] = [[0.0] * 6, [1.0] * 6]
+    quaternions: list[list[float]] = [[0.0, 0.0, 0.0, 1.0]] * 2
+    whole = np.arange(2)
+    made = [
+        cw.Samples(readings, quaternions),
+        cw.Samples(np.array(readings, np.float32), Rotation.from_quat(quaternions), t=whole, came=[0, 1]),
+        cw.Samples(readings, quaternions, [datetime(2024, 5, 1), datetime(2024, 5, 2)], saturated=[True, False]),
+        cw.Samples(np.zeros((2, 6), int), quaternions, [0, 1], [[0, 0, 0]] * 2, [0, 1], accelerometer=np.eye(3)[:2]),
+    ]
+    of_wrench, of_arm = WrenchStream([0, 1], readings, load_mass=[0, 1]), OrientationStream(whole, [np.eye(3)] * 2)
+    arrays: list[Array | None] = [made[1].t, made[3].load_mass, of_wrench.load_mass, of_arm.t, made[0].R_base_flange]
+    assert all(isinstance(each, np.ndarray) and each.dtype == np.float64 for each in arrays)
+
+
+ORIENTATIONS = "(n, 3, 3) rotation matrices, (n, 4) quaternions x, y, z, w or a scipy Rotation"
+
+
+@pytest.mark.parametrize("shape", [(4, 3), (4, 7), (4, 9), (4, 4, 4), (3, 3)])
+def test_orientations_of_another_shape_are_told_every_kind_that_is_taken(shape: tuple[int, ...]) -> None:
+    """As rotation vectors and poses are."""
+    with pytest.raises(InputError) as raised:
+        cw.Samples(**fields() | {"R_base_flange": np.zeros(shape)})
+    assert str(raised.value) == f"R_base_flange has shape {shape}, expected {ORIENTATIONS}"
+
+
+def test_what_is_stated_of_all_samples_is_one_number() -> None:
+    for name in ("delay", "delay_std", "pose_period", "accelerometer_period"):
+        assert getattr(cw.Samples(**fields() | {name: 0.01}), name) == 0.01
+        for given, said in (
+            ("a", "has text, expected numbers: convert them, as by .astype(float)"),
+            (np.nan, "is nan, expected -1e+19 to 1e+19 s"),
+        ):
+            with pytest.raises(InputError) as raised:
+                cw.Samples(**fields() | {name: given})
+            assert str(raised.value) == f"{name} {said}"
+
+
+@pytest.mark.parametrize(
+    ("rows", "found"),
+    [
+        ([99], "index 99 is out of bounds for axis 0 with size 4"),
+        ([True], "boolean index did not match indexed array along axis 0; size of axis is 4 but size of corresponding "
+         "boolean axis is 1"),
+        ([0.0], "arrays used as indices must be of integer (or boolean) type"),
+    ],
+)  # fmt: skip
+def test_rows_that_are_not_there_are_refused(rows: list[float], found: str) -> None:
+    with pytest.raises(InputError) as raised:
+        cw.Samples(**fields()).select(rows)
+    assert str(raised.value) == (
+        f"rows cannot be picked of 4 ({found}), expected a mask of as many, indices of rows that are there, or a slice"
+    )
 
 
 def test_arrays_in_place_of_samples_are_refused_in_one_line() -> None:

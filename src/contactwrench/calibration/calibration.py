@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, number
 from ..geometry.orientation import OrientationLike, rotation_matrices
 from ..geometry.wrench import unit_direction
 from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange, horizontal_axes
 from ..samples.flange_motion import FlangeMotion
 from ..subtract import compensate
 from .difference import Difference, difference
-from .dynamics import require_same_place
-from .fields import CalibrationFields
+from .dynamics import elements, require_same_place
+from .fields import INTERVALS, CalibrationFields
 from .stepper import Step, stepper
 from .text import describe, flowed
 
@@ -80,9 +80,14 @@ class Calibration(CalibrationFields):
 
         Returns:
             Standard deviations.
+
+        Raises:
+            InputError: a level that is no probability.
         """
         from scipy.special import ndtri, stdtrit
 
+        if not 0.0 < number(level, "level") < 1.0:
+            raise InputError(f"level is {level!r}, expected between 0 and 1, as in 0.95")
         behind = self.dof if dof is None else dof
         upper = 0.5 * (1.0 + level)
         return float(stdtrit(behind, upper) if behind > 0.0 else ndtri(upper))
@@ -91,49 +96,46 @@ class Calibration(CalibrationFields):
         """Two-sided interval of a parameter.
 
         Args:
-            name: `weight`, `com`, `bias` or `yaw`.
+            name: `weight`, `com`, `bias`, `yaw`, `inertia` or `sensor_offset`.
             level: probability that it holds the truth.
 
         Returns:
-            Its lower and upper end, with the shape and unit of the parameter.
+            Its lower and upper end, with the shape and unit of `std[name]`: (6,) of the inertia, xx xy xz yy yz zz.
 
         Raises:
-            InputError: another name, or what the model does not estimate.
+            InputError: another name, what the model does not estimate, or a level that is no probability.
         """
-        if not 0.0 < level < 1.0:
-            raise InputError(f"level is {level!r}, expected between 0 and 1, as in 0.95")
-        value = getattr(self, name) if name in ("weight", "com", "bias", "yaw") else None
+        value = getattr(self, name) if name in INTERVALS else None
         if value is None or self.std[name] is None:
-            raise InputError(f"model {self.model} has no interval of {name!r}, expected weight, com, bias or yaw")
+            raise InputError(f"model {self.model} has no interval of {name!r}, expected one of {', '.join(INTERVALS)}")
+        value = elements(value) if name == "inertia" else value
         quantile = [self.t_quantile(level, dof) for dof in self._dof_of(name)]
         reach = (quantile[0] if np.ndim(value) == 0 else np.array(quantile)) * self.std[name]
         return value - reach, value + reach
 
     def _dof_of(self, name: str) -> list[float]:
-        """Degrees of freedom of the parameters that make `name`; of the yaw of a free mounting, the fewest of its."""
-        parts = [k for k, parameter in enumerate(self.parameter_names) if parameter.startswith(name)]
+        """Of the parameters that make `name`; the fewest of a free mounting's for its yaw, of any for the inertia."""
+        made_of = MOUNT if name == "yaw" and "yaw" not in self.parameter_names else name
+        parts = [k for k, parameter in enumerate(self.parameter_names) if parameter.startswith(made_of)]
         if self.parameter_dof is None or not parts:
-            mounting = [k for k, parameter in enumerate(self.parameter_names) if parameter in MOUNT]
-            if self.parameter_dof is None or not mounting:
-                return [self.dof] * max(np.size(getattr(self, name)), 1)
-            return [float(self.parameter_dof[mounting].min())]
-        return [float(self.parameter_dof[k]) for k in parts]
+            return [self.dof]
+        dof: list[float] = self.parameter_dof[parts].tolist()
+        return [min(dof)] if made_of is MOUNT else dof
 
     def predict(self, orientation: OrientationLike) -> Array:
         """What a free tool reads.
 
         Args:
-            orientation: `R_base_flange`: matrices (n, 3, 3), quaternions x, y, z, w (n, 4), or a scipy Rotation.
+            orientation: `R_base_flange`: matrices (n, 3, 3), quaternions x, y, z, w (n, 4), Rotation; (b, n, ...) too.
 
         Returns:
-            Free wrench (n, 6), N and N m, sensor axes; (6,) of a single orientation.
+            Free wrench (n, 6), N and N m, sensor axes; (6,) of a single orientation, (b, n, 6) of a batch.
 
         Raises:
             InputError: a wrong shape, or what is no rotation.
         """
-        R, single = rotation_matrices(orientation)
-        wrench = free_wrench(self.B, gravity_in_flange(R, self.gravity_direction))
-        return wrench[0] if single else wrench
+        R, leading = rotation_matrices(orientation)
+        return free_wrench(self.B, gravity_in_flange(R, self.gravity_direction)).reshape(*leading, 6)
 
     def compensate(
         self,
@@ -145,13 +147,13 @@ class Calibration(CalibrationFields):
         """What is left of readings without the tool's weight and the bias, and in motion without its inertia.
 
         Args:
-            wrench: readings (n, 6) or (6,), N and N m, sensor axes, pull sign.
+            wrench: readings (n, 6), (6,), or (b, n, 6) of a batch, N and N m, sensor axes, pull sign.
             orientation: `R_base_flange` of each, or one for all: as of `predict`.
             out: where to write; may be `wrench` itself.
             motion: of the flange at the moments of the n readings; None: it is at rest.
 
         Returns:
-            Contact wrench (n, 6) or (6,), N and N m, sensor axes, about the sensor's origin.
+            Contact wrench, shaped as `wrench`, N and N m, sensor axes, about the sensor's origin.
 
         Raises:
             InputError: shapes that do not pair, what is no rotation, or a motion and no inertia.
@@ -179,12 +181,11 @@ class Calibration(CalibrationFields):
             orientation: `R_base_flange`, as of `predict`.
 
         Returns:
-            (n, 6, 6) or (6, 6), in N and N m squared, sensor axes.
+            (n, 6, 6), (6, 6) or (..., 6, 6), in N and N m squared, sensor axes.
         """
-        R, single = rotation_matrices(orientation)
+        R, leading = rotation_matrices(orientation)
         J = self.error_jacobian(R)
-        covariance: Array = J @ self.error_covariance @ J.transpose(0, 2, 1)
-        return covariance[0] if single else covariance
+        return np.asarray((J @ self.error_covariance @ J.transpose(0, 2, 1)).reshape(*leading, 6, 6))
 
     def with_gravity(self, gravity: ArrayLike | None) -> Calibration:
         """The calibration for a base in which gravity has another direction, known exactly.

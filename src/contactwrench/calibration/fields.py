@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Matrix, ReadOnlyDict, Vector, frozen, read_only, shaped
 from ..geometry.orientation import OrientationLike, rotation_matrices
 from ..geometry.rotations import spread_rotations
@@ -37,6 +38,8 @@ from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity, WithFindings
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096
+INTERVALS = ("weight", "com", "bias", "yaw", "inertia", "sensor_offset")
+"""Of `std`, what has a value beside it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +108,7 @@ class CalibrationFields(Frozen, WithFindings):
 
     @property
     def inertia(self) -> Array | None:
-        """(3, 3), kg m^2, about the centre of mass, sensor axes; None of a calibration of poses."""
+        """(3, 3), kg m^2, about the centre of mass, sensor axes, its `std` (6,); None of a calibration of poses."""
         return None if self.dynamics is None else self.dynamics.inertia
 
     @property
@@ -179,17 +182,16 @@ class CalibrationFields(Frozen, WithFindings):
             motion: as of `compensate`; what drives and links shake counts too.
 
         Returns:
-            (n, 6) or (6,), N and N m, sensor axes.
+            (n, 6), (6,) or (..., 6), N and N m, sensor axes.
         """
-        R, single = rotation_matrices(orientation)
+        R, leading = rotation_matrices(orientation)
         variance = np.empty((len(R), 6))
         for start in range(0, len(R), ROWS_AT_ONCE):
             rows = slice(start, start + ROWS_AT_ONCE)
             variance[rows] = self._variances(R[rows])
             if motion is not None:
                 variance[rows] += np.einsum("nii->ni", covariance_in_motion(self, R[rows], motion.select(rows)))
-        std: Array = np.sqrt(np.maximum(variance, 0.0))
-        return std[0] if single else std
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)).reshape(*leading, 6))
 
     def covariance_in_motion(self, R_base_flange: Array, motion: FlangeMotion) -> Array:
         """What a motion adds to the covariance (n, 6, 6) of contact wrenches at orientations (n, 3, 3)."""
@@ -283,3 +285,9 @@ class CalibrationFields(Frozen, WithFindings):
         if any(finding.severity is Severity.WEAK for finding in self.findings):
             return "weak"
         return "doubtful" if self.doubts else "good"
+
+
+def require_calibration(calibration: object) -> None:
+    """Raise `InputError` for what is none, as the name of its file is."""
+    if not isinstance(calibration, CalibrationFields):
+        raise InputError(f"found {type(calibration).__name__}, expected a Calibration: cw.Calibration.load(path)")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from importlib.util import find_spec
 from math import ceil, inf, isnan, nan
 from threading import get_ident
 from typing import Any
@@ -12,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
+from ..calibration.fields import require_calibration
 from ..errors import InputError
 from ..estimation.noise import with_torques
 from ..geometry.arrays import Array, number, numbers, read_only, seconds
 from ..geometry.orientation import OrientationLike, numbers_of
 from ..geometry.ranges import CAPACITY, DURATION, PER_KELVIN, RATE, WALK
-from ..geometry.wrench import wrench_rows
 from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
 from .acceleration import told
@@ -29,7 +28,7 @@ from .faults import BACK, SAME, measured_by, reason_of
 from .filters import LowPass, gains_of_poses, use_low_passes
 from .inertia import use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise
-from .runner import NOTHING_TOLD, TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
+from .runner import NOTHING_TOLD, TAKEN, by_one_thread, given, heat_told, require_one, results_of, steps_of
 from .shaking import known_motion
 from .state import COVARIANCE, ENDED, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
@@ -60,7 +59,7 @@ class Compensator:
         delay_std: s, of that, which counts while the arm turns; None: the calibration's, 0 of a `delay` that is stated.
         drift: std (6,) of the bias' random walk after an hour, N and N m, or one number as for `noise`; 0.05 is typical
             (`bias_tracking.TYPICAL_DRIFT`). None: not followed, as a push too slow or weak to be detected would be.
-        temperature_coefficient: (6,) of the bias, N/K and N m/K.
+        temperature_coefficient: (6,) of the bias, N/K and N m/K; each reading then comes with a temperature.
         false_alarm_rate: per sample; a contact takes one that is a hundred times as rare.
         minimum_duration: s, of a contact, and of its end.
         ranges: (6,) of the sensor, N and N m.
@@ -90,8 +89,7 @@ class Compensator:
         gravity: ArrayLike | None = None,
         fast: bool | None = None,
     ) -> None:
-        if not isinstance(calibration, Calibration):
-            raise InputError(f"found {type(calibration).__name__}, expected a Calibration: cw.Calibration.load(path)")
+        require_calibration(calibration)
         self._calibration = calibration.with_gravity(gravity)
         self._stated = None if noise is None else stated_noise(noise)
         self._rate = None if rate is None else float(RATE.require(rate, "rate"))
@@ -102,6 +100,7 @@ class Compensator:
         s.minimum_duration = float(DURATION.require(minimum_duration, "minimum duration")) - 1e-9
         s.ranges = six_numbers(ranges, "range", CAPACITY, inf)
         s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", PER_KELVIN)
+        self._by_heat = any(s.per_kelvin)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
         use_inertia(s, calibration, self._sensor)
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
@@ -109,7 +108,7 @@ class Compensator:
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
         s.dof, s.follows_bias, s.measured = calibration.dof, drift is not None, measured_by(calibration)
         s.walk = [a * a / HOUR for a in six_numbers(None if drift is None else with_torques(drift), "drift", WALK)]
-        self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
+        self._steps = steps_of(fast)
         self.reset()
 
     def reset(self) -> None:
@@ -145,7 +144,7 @@ class Compensator:
             wrench: (6,) the reading, N and N m, sensor axes.
             orientation: `R_base_flange` (3, 3), its quaternion x, y, z, w (4,), or a scipy `Rotation`.
             t: s.
-            temperature: K or degrees C, where there is one.
+            temperature: K or degrees C; NaN: not known.
             position: (3,) m of the flange, base axes, for a calibration with inertia; None: the arm is at rest.
             acceleration: (3,) of its accelerometer, own axes and unit, for a calibration by one, in place of that.
 
@@ -157,7 +156,7 @@ class Compensator:
         place = NOTHING_TOLD if at_rest else told(self._calibration, position, acceleration)
         require_one(reading, turn, place)
         t = t if isinstance(t, float) else number(seconds(t), "t")
-        heat = nan if temperature is None else number(temperature, "temperature")
+        heat = nan if temperature is None and not self._by_heat else number(heat_told(temperature), "temperature")
         if vars(self).setdefault("owner", me := get_ident()) != me:  # as `by_one_thread`, without another call
             raise InputError(TAKEN)
         said, result = self._runner.step(reading, turn, t, heat, place)
@@ -205,7 +204,7 @@ class Compensator:
             wrench: (n, 6) the readings, N and N m, sensor axes.
             orientation: `R_base_flange` (n, 3, 3), quaternions x, y, z, w (n, 4), or a scipy `Rotation`.
             t: (n,) s.
-            temperature: (n,) K or degrees C, where there are some.
+            temperature: (n,) K or degrees C; NaN: not known.
             position, acceleration: (n, 3), as of a single reading.
             motion: of the flange, from a whole recording, in place of what follows from position to position.
 
@@ -214,7 +213,7 @@ class Compensator:
         """
         moving = () if motion is None else known_motion(self._calibration, orientation, motion)
         place = None if position is None and acceleration is None else told(self._calibration, position, acceleration)
-        samples, width = given(wrench_rows(wrench)[0], orientation, t, temperature, place, *moving)
+        samples, width = given(wrench, orientation, t, temperature, self._by_heat, place, *moving)
         contacts, covariances, taken = list[Contact](), [covariance_of(self._runner.state)], 0
         while taken < len(samples):
             taken = self._runner.advance(samples, width, taken)

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import astuple
 from functools import cache, wraps
 from hashlib import sha256
+from importlib.util import find_spec
 from inspect import getsource
 from math import nan
 from threading import Timer, get_ident
@@ -20,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, numbers, read_only, seconds
 from ..geometry.orientation import OrientationLike, numbers_of
+from ..geometry.wrench import wrench_rows
 from ..subtract import compiled_by_numba
 from .contact_wrenches import Contact, ContactWrenches
 from .faults import SAME, reasons_of
@@ -62,11 +64,20 @@ def require_one(reading: Array, turn: Array, place: Array) -> None:
         raise InputError(f"position or acceleration has shape {place.shape}, expected (3,)")
 
 
+def heat_told(temperature: ArrayLike | None) -> Array:
+    """A temperature that there must be. Raises `InputError`."""
+    if temperature is None:
+        expected = "expected one with each reading, as there is a temperature_coefficient"
+        raise InputError(f"found no temperature, {expected}: pass it, NaN where it is not known")
+    return numbers(temperature, "temperature")
+
+
 def given(
-    readings: Array,
+    wrench: ArrayLike,
     orientation: OrientationLike,
     t: ArrayLike,
     temperature: ArrayLike | None,
+    by_heat: bool,
     told: Array | None,
     *moving: Array,
 ) -> tuple[NDArray[np.void], int]:
@@ -74,8 +85,12 @@ def given(
     `moving` its terms (n, 12), and by how much the variance (n, 6) grows in it, where they are known. Raises
     `InputError` for shapes that do not pair.
     """
+    readings, leading = wrench_rows(wrench)
+    if len(leading) > 1:
+        found = f"wrench has shape {(*leading, 6)}, expected (n, 6), one after the other in time"
+        raise InputError(f"{found}: run each sequence by itself, after reset()")
     n, turns, times = len(readings), numbers_of(orientation), seconds(t)
-    heats = np.full(n, nan) if temperature is None else numbers(temperature, "temperature")
+    heats = np.full(n, nan) if temperature is None and not by_heat else heat_told(temperature)
     told = np.full((n, 3), nan) if told is None else told
     if turns.shape not in {(n, 4), (n, 3, 3)} or times.shape != (n,) or heats.shape != (n,):
         raise InputError(
@@ -216,6 +231,13 @@ class Compiled:
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the end or the first with an event; how many are taken."""
         return self._advance(self._record, samples, self._ring, width, begin)
+
+
+def steps_of(fast: bool | None) -> type[Plain] | type[Compiled]:
+    """Compiled, where numba is installed or that is asked for. Raises `InputError`."""
+    if fast not in (None, True, False):
+        raise InputError(f"fast is {fast!r}, expected True, False or None: None takes numba where it is installed")
+    return Compiled if fast or (fast is None and find_spec("numba")) else Plain
 
 
 @cache

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from typing import Any, NoReturn, Self, TypeAlias, cast
 
@@ -17,7 +18,10 @@ Array: TypeAlias = NDArray[np.float64]
 Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 """Types that say how many axes an array has, for a reader of files who has nothing but the type to go by."""
-
+TimesLike: TypeAlias = ArrayLike | Sequence[datetime]
+"""Times, s, or dates."""
+COARSEST = 0.01
+"""s: between neighbouring times of a float type that is taken. 32 bits step by more after a day and a half."""
 
 FLOAT64 = np.dtype(np.float64)
 WORDS = {"b": "truth values", "U": "text", "S": "text", "c": "complex numbers", "M": "dates", "m": "durations"}
@@ -31,6 +35,10 @@ def numbers(values: ArrayLike, name: str) -> Array:
         return values
     array = _unmasked(values, name)
     if array.dtype.kind not in "fiu":
+        if array.shape == () and array.item() is None:
+            raise InputError(f"{name} is None, expected numbers")
+        if array.size and hasattr(array.flat[0], "as_quat"):
+            raise InputError(f"{name} has Rotations one by one, expected one of them all: Rotation.concatenate(list)")
         found = WORDS.get(array.dtype.kind, "objects")
         raise InputError(f"{name} has {found}, expected numbers: convert them, as by .astype(float)")
     return array.astype(np.float64, copy=False)
@@ -58,11 +66,33 @@ def _unmasked(values: Any, name: str) -> NDArray[Any]:
 
 
 def seconds(values: Any, name: str = "t") -> Array:
-    """Times, s, as `numbers`; also numpy's dates, s since 1970, and its durations. One that is none is NaN."""
+    """Times, s, as `numbers`; also dates, s since 1970, numpy's, pandas' or Python's, and numpy's durations. One that
+    is none is NaN. Of dates without a time zone the clock is taken for UTC, as numpy does. Raises `InputError` also for
+    a float type that rounds them by more than `COARSEST`.
+    """
     times = _unmasked(values, name)
+    if times.dtype.kind == "O" and times.size and all(isinstance(each, datetime) for each in times.flat):
+        times = _since_1970(times, name)
     if times.dtype.kind == "M":
         times = times - np.datetime64(0, "s")
+    if times.dtype.kind == "f" and times.dtype.itemsize < FLOAT64.itemsize:
+        largest = np.max(np.abs(times), where=np.isfinite(times), initial=0)
+        if (step := np.spacing(largest)) > COARSEST:
+            raise InputError(
+                f"{name} is {times.dtype}, which has steps of {step:.3g} s at {largest:.3g} s, expected float64: "
+                "convert what it was made of, as these are rounded already"
+            )
     return numbers(times / np.timedelta64(1, "s") if times.dtype.kind == "m" else times, name)
+
+
+def _since_1970(dates: NDArray[Any], name: str) -> Array:
+    """Python's dates, of which pandas' are some, as s."""
+    begin = datetime(1970, 1, 1, tzinfo=UTC if any(each.tzinfo is not None for each in dates.flat) else None)
+    try:
+        return np.array([(each - begin) / timedelta(seconds=1) for each in dates.flat]).reshape(dates.shape)
+    except TypeError:
+        expected = "expected all with one or all without: state it with each, as by .replace(tzinfo=)"
+        raise InputError(f"{name} has dates with a time zone and without, {expected}") from None
 
 
 def read_only(values: ArrayLike) -> Array:
@@ -110,7 +140,7 @@ class Frozen(Sealed):
 
 def column(*row: int, kind: DTypeLike = np.float64) -> dict[str, Any]:
     """Metadata of a field of `Rows` that has a `row` of that shape for each sample: `column()` is (n,), `column(6)` is
-    (n, 6). A column of the kind `object` is kept as a tuple of n; one of the name `t` takes dates.
+    (n, 6). A column of the kind `object` is kept as a tuple of n; one of the name `t` or `came` takes dates.
     """
     return {"row": row, "kind": np.dtype(kind)}
 
@@ -126,18 +156,18 @@ def shaped(*shape: int | str, least: float | None = None) -> dict[str, Any]:
 class Rows(Frozen):
     """A base of frozen tables: fields with the metadata of `column` are copied, read-only, and pair row by row.
 
-    A column that is None is left out. Raises `InputError` for what is no column of numbers (or truth values), and for a
-    shape that does not pair with the first column.
+    A column that is None is left out, where it has a default or its type says so. Raises `InputError` for what is no
+    column of numbers (or truth values), and for a shape that does not pair with the first column.
     """
 
     def __post_init__(self) -> None:
         first, n, table = "", 0, cast(Any, type(self))
-        for name, row, kind in _layout(table):
+        for name, row, kind, may_be_none in _layout(table):
             values = getattr(self, name)
             if kind is None:
                 object.__setattr__(self, name, frozen(values))
                 continue
-            if values is None:
+            if values is None and may_be_none:
                 continue
             owned = tuple(values) if kind.hasobject else _frozen(_column(values, kind, name), kind)
             shape = (len(owned),) if isinstance(owned, tuple) else owned.shape
@@ -154,7 +184,7 @@ class Rows(Frozen):
         return next((len(values) for name in _columns(self) if (values := getattr(self, name)) is not None), 0)
 
     def select(self, rows: ArrayLike | slice) -> Self:
-        """The rows that a mask, indices or a slice pick, in that order."""
+        """The rows that a mask, indices or a slice pick, in that order. Raises `InputError` where one is not there."""
         pick = rows if isinstance(rows, slice) else np.asarray(rows)
         if isinstance(pick, np.ndarray) and not pick.size:
             pick = slice(0)
@@ -164,7 +194,12 @@ class Rows(Frozen):
                 return tuple(values[place] for place in np.arange(len(values))[pick].tolist())
             return None if values is None else _handed_over(values[pick])
 
-        return replace(self, **{name: picked(getattr(self, name)) for name in _columns(self)})
+        try:
+            columns = {name: picked(getattr(self, name)) for name in _columns(self)}
+        except IndexError as error:
+            expected = "expected a mask of as many, indices of rows that are there, or a slice"
+            raise InputError(f"rows cannot be picked of {len(self)} ({error}), {expected}") from None
+        return replace(self, **columns)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
@@ -185,16 +220,24 @@ class Rows(Frozen):
 
 
 @cache
-def _layout(table: type[Rows]) -> tuple[tuple[str, tuple[int, ...], np.dtype[Any] | None], ...]:
-    """Name, shape of a row, and type of each field; None: it is no column."""
-    return tuple((each.name, each.metadata.get("row", ()), each.metadata.get("kind")) for each in fields(table))
+def _layout(table: type[Rows]) -> tuple[tuple[str, tuple[int, ...], np.dtype[Any] | None, bool], ...]:
+    """Name, shape of a row, type of each field (None: it is no column), and whether it may be None."""
+    return tuple(
+        (
+            each.name,
+            each.metadata.get("row", ()),
+            each.metadata.get("kind"),
+            each.default is not MISSING or "None" in str(each.type),
+        )
+        for each in fields(table)
+    )
 
 
 def _column(values: Any, kind: np.dtype[Any], name: str) -> NDArray[Any]:
     if type(values) is np.ndarray and values.dtype is kind:
         return values
     if kind.kind == "f":
-        return seconds(values, name) if name == "t" else numbers(values, name)
+        return seconds(values, name) if name in ("t", "came") else numbers(values, name)
     array = _unmasked(values, name)
     if array.size and array.dtype.kind not in "biu":
         raise InputError(f"{name} has {WORDS.get(array.dtype.kind, 'numbers')}, expected truth values")
@@ -202,7 +245,7 @@ def _column(values: Any, kind: np.dtype[Any], name: str) -> NDArray[Any]:
 
 
 def _columns(rows: Rows) -> list[str]:
-    return [name for name, _, kind in _layout(cast(Any, type(rows))) if kind is not None]
+    return [name for name, _, kind, _ in _layout(cast(Any, type(rows))) if kind is not None]
 
 
 def _handed_over(values: NDArray[Any]) -> NDArray[Any]:

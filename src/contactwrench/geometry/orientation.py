@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 OrientationLike: TypeAlias = "ArrayLike | Rotation"
+ORIENTATIONS = "(n, 3, 3) rotation matrices, (n, 4) quaternions x, y, z, w or a scipy Rotation"
+"""What is taken, in words."""
 
 ROTATION_TOLERANCE = 0.01
 """A quaternion's length, or a matrix's axes, may be off by this much (rounded figures in a table) and no more."""
@@ -116,28 +118,23 @@ def off_rotation(matrices: Array) -> tuple[Array, Array]:
         return deviation, np.einsum("im,im->m", across, z)
 
 
-def rotation_matrices(orientation: OrientationLike) -> tuple[Array, bool]:
-    """`R_base_flange` as (n, 3, 3), and whether a single orientation was given.
+def rotation_matrices(orientation: OrientationLike) -> tuple[Array, tuple[int, ...]]:
+    """`R_base_flange` as (n, 3, 3), and its leading shape: (n,), () of a single one, (b, n) of a batch of sequences.
 
-    `orientation`: rotation matrices (n, 3, 3), quaternions x, y, z, w (n, 4), or a scipy Rotation; one of them
-    without the leading n is accepted. Raises `InputError` on any other shape and on what is no rotation.
+    `orientation`: rotation matrices (n, 3, 3), quaternions x, y, z, w (n, 4), or a scipy Rotation, each with any
+    leading shape in place of n. Raises `InputError` on any other shape, as of poses (n, 4, 4), which are no quaternions
+    in fours, and on what is no rotation.
     """
     if hasattr(orientation, "as_matrix"):
         matrices = np.asarray(orientation.as_matrix(), dtype=np.float64)
-        return (matrices[None], True) if matrices.ndim == 2 else (matrices, False)
+        return matrices.reshape(-1, 3, 3), matrices.shape[:-2]
     values = numbers(orientation, "orientation")
-    if values.shape == (4,):
-        return from_quat_xyzw(values[None]), True
-    if values.shape == (3, 3):
-        return nearest_rotations(values[None]), True
-    if values.ndim == 2 and values.shape[1] == 4:
-        return from_quat_xyzw(values), False
-    if values.ndim == 3 and values.shape[1:] == (3, 3):
-        return nearest_rotations(values), False
-    raise InputError(
-        f"orientation has shape {values.shape}, expected (n, 3, 3) rotation matrices, (n, 4) quaternions x, y, z, w "
-        "or a scipy Rotation"
-    )
+    if values.shape[-2:] == (3, 3):
+        return nearest_rotations(values.reshape(-1, 3, 3)), values.shape[:-2]
+    are_poses = values.ndim > 2 and values.shape[-2:] == (4, 4) and (values[..., 3, :] == [0.0, 0.0, 0.0, 1.0]).all()
+    if values.shape[-1:] == (4,) and not are_poses:
+        return from_quat_xyzw(values.reshape(-1, 4)), values.shape[:-1]
+    raise InputError(f"orientation has shape {values.shape}, expected {ORIENTATIONS}")
 
 
 def _euler(letters: str) -> Callable[[Array], Array]:

@@ -65,29 +65,31 @@ def require_axes(wrench: object) -> None:
         raise InputError(f"wrench has columns {' '.join(named)}, expected fx fy fz tx ty tz: put them in this order")
 
 
-def wrench_rows(wrench: ArrayLike) -> tuple[NDArray[np.float64], bool]:
-    """`wrench` as (n, 6) float64, and whether a single (6,) one was given. Raises `InputError` otherwise."""
+def wrench_rows(wrench: ArrayLike) -> tuple[NDArray[np.float64], tuple[int, ...]]:
+    """`wrench` (..., 6) as rows (n, 6) float64, and its leading shape: (n,), () of a single one, (b, n) of a batch of
+    sequences. Raises `InputError` otherwise.
+    """
     require_axes(wrench)
-    rows = numbers(wrench, "wrench")
-    if rows.shape == (6,):
-        return rows[None], True
-    if rows.ndim != 2 or rows.shape[1] != 6:
-        raise InputError(f"wrench has shape {rows.shape}, expected (n, 6) or (6,): fx fy fz tx ty tz")
-    return rows, False
+    values = numbers(wrench, "wrench")
+    if values.shape[-1:] != (6,):
+        raise InputError(f"wrench has shape {values.shape}, expected (n, 6) or (6,): fx fy fz tx ty tz")
+    return values.reshape(-1, 6), values.shape[:-1]
 
 
-def result_rows(out: Array, single: bool, readings: Array, parts: Array) -> Array:
+def result_rows(out: Array, leading: tuple[int, ...], readings: Array, parts: Array) -> Array:
     """`out` as rows (n, 6) like the readings, which with the orientations' `parts` are read while it is written to.
 
     Raises `InputError` where the result cannot be written there.
     """
+    shape = (*leading, 6) if leading else readings.shape
     if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
-        raise InputError(f"out is a {type(out).__name__}, expected {readings.shape} float64, C order")
-    result = out[None] if single and out.shape == (6,) else out
-    if result.shape != readings.shape or result.dtype != np.float64 or not result.flags.c_contiguous:
-        raise InputError(f"out has shape {out.shape} and type {out.dtype}, expected {readings.shape} float64, C order")
+        raise InputError(f"out is a {type(out).__name__}, expected {shape} float64, C order")
+    alike = out.shape == shape or (not leading and out.shape == (6,))
+    if not alike or out.dtype != np.float64 or not out.flags.c_contiguous:
+        raise InputError(f"out has shape {out.shape} and type {out.dtype}, expected {shape} float64, C order")
     if not out.flags.writeable:
         raise InputError("out is read-only, expected an array that can be written to: pass a copy")
+    result = out.reshape(readings.shape)
     there, from_there = result.__array_interface__["data"], readings.__array_interface__["data"]
     in_place = there == from_there and result.strides == readings.strides
     if np.may_share_memory(result, parts) or (np.may_share_memory(result, readings) and not in_place):

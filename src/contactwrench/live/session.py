@@ -14,8 +14,11 @@ from typing import Any
 from msgspec.structs import replace
 
 from ..calibration.calibration import Calibration
+from ..calibration.fields import require_calibration
 from ..compensate.contact_wrenches import ContactWrench
 from ..errors import ContactWrenchError, InputError
+from ..geometry.arrays import number
+from ..samples.samples import Streams
 from .fitting import SIGNS, shown
 from .history import History, Motion
 from .intake import STREAMING, Intake
@@ -67,7 +70,7 @@ class Session:
         self._options, self._save, self._save_accepted = options or Options(), save, save_accepted
         self._saved: tuple[Calibration, str] | None = None
         self._motion, self._traced = Motion(), -inf
-        self._wizard = Wizard(wish or Wish(), lambda: self._motion.streams(self._wizard.sign))
+        self._wizard = Wizard(wish or Wish(), self._streams)
         self._runner: Runner | None = None
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._new: deque[Event] = deque(maxlen=NEW_EVENTS_KEPT)
@@ -76,10 +79,7 @@ class Session:
         self.recording: bool | None = None
         """Whether it is recorded; None: there is nothing to record to."""
         if calibration is not None:
-            if not isinstance(calibration, Calibration):
-                raise InputError(
-                    f"found {type(calibration).__name__}, expected a Calibration: cw.Calibration.load(path)"
-                )
+            require_calibration(calibration)
             self._wizard.phase = Phase.RUN
             self._run(calibration, SIGNS.get(str(calibration.provenance.get("sign", "pull")), 1.0))
 
@@ -97,6 +97,9 @@ class Session:
     def saved(self) -> str:
         """Where the calibration was written; empty: it has not been, or has changed since."""
         return self._saved[1] if self._saved is not None and self._saved[0] is self.calibration else ""
+
+    def _streams(self) -> Streams | None:
+        return self._motion.streams(self._wizard.sign)
 
     def opened(self, role: str, about: About, t: float) -> None:
         """The `sensor`, or the `robot`, is there. Raises `InputError` for another role."""
@@ -128,8 +131,9 @@ class Session:
             t: now. Call it twenty times a second or more, also where nothing came: silence is found so.
 
         Raises:
-            InputError: something else than batches of samples.
+            InputError: something else than batches of samples, or no time.
         """
+        t = number(t, "t")
         poses = [] if robot is None else self._robot.take(robot)
         readings = [] if sensor is None else self._sensor.take(sensor)
         if self._robot is self._sensor:
@@ -160,8 +164,7 @@ class Session:
         for when, sample in samples:
             orientation, age = self._track.at(when, when)
             wrench = NO_READING if sample.wrench is None else sample.wrench
-            reading = Reading(when, sample.arrival, wrench, orientation, sample.flaw)
-            readings.append(reading)
+            readings.append(reading := Reading(when, sample.arrival, wrench, orientation, sample.flaw))
             if runner is None:
                 continue
             if delay:
@@ -250,8 +253,7 @@ class Session:
 
     def events(self) -> list[Event]:
         """What happened since they were last asked for."""
-        new = list(self._new)
-        self._new.clear()
+        new, self._new = list(self._new), deque(maxlen=NEW_EVENTS_KEPT)
         return new
 
     def _contact(self) -> Contact | None:
@@ -261,8 +263,7 @@ class Session:
         newest, sensor = shown_contact_wrench(self._last.judged[-1]), self._sensor
         if sensor.state == STREAMING:
             return newest
-        unknown = (None,) * 6
-        return Contact(unknown, unknown, valid=False, contact=None, reason=f"{sensor.state}: {sensor.text}")
+        return Contact((None,) * 6, (None,) * 6, valid=False, contact=None, reason=f"{sensor.state}: {sensor.text}")
 
     def snapshot(self, t: float, outputs: tuple[Output, ...] = (), recording: str = "") -> Snapshot:
         """What a person sees at `t` s; the trace begins anew."""
@@ -272,8 +273,7 @@ class Session:
         place: Any = None if newest is None or newest[2][0] != newest[2][0] else newest[2]
         reading = None if last is None or last.readings[-1].flaw else last.readings[-1].wrench
         noise: Any = None if stand.noise is None else tuple(stand.noise.tolist())
-        trace = tuple(self._trace)
-        self._trace.clear()
+        trace, self._trace = tuple(self._trace), deque(maxlen=TRACE_KEPT)
         return Snapshot(
             t=t,
             phase=self.phase,

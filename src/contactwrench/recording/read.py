@@ -14,8 +14,9 @@ import numpy as np
 from ..errors import FileFormatError, InputError
 from ..files import name_of
 from ..samples.bursts import even_rows
+from ..samples.limits import at_limit
 from ..samples.recorded_poses import is_stream
-from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
+from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.timestamps import begins_anew, counted_on
 from .accelerations import accelerometer_of, with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..compensate.contact_wrenches import NOT_GIVEN, NOT_JUDGED, ContactWrenches
 from ..compensate.faults import Reason
 from ..model import AXES
-from ..samples.samples import Samples, channels_at_limit
+from ..samples.limits import channels_at_limit
+from ..samples.samples import Samples
 from ..statistics import counted
 
 SATURATED = Reason("saturated: a channel stands at its limit", "saturated")

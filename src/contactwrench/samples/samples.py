@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..geometry.arrays import Array, Frozen, Rows, column, read_only
-from ..geometry.orientation import nearest_rotations, rotation_matrices
+from ..geometry.arrays import Array, Frozen, Rows, TimesLike, column, read_only
+from ..geometry.orientation import ORIENTATIONS, OrientationLike, nearest_rotations, rotation_matrices
 from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range, per_second
 from ..geometry.wrench import WRENCH_AXES, require_axes
+from .limits import LONGEST_CHANCE
 
 ReadAs: TypeAlias = Mapping[str, str | float]
 """How a file was read, by the names of the options of reading."""
@@ -23,10 +24,6 @@ LARGEST_READING = READING.most
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
 CODES, CODE_BEYOND = 10.0 ** np.arange(3, 10) - 1.0, 5.0
 """What stands for no number, 999 to 999999999; and times the largest other number of its column."""
-LONGEST_CHANCE, TIMES_USUAL, ALIVE = 20, 4.0, 0.1
-"""Readings in a row at the very largest or smallest value, of which fewer may be chance, or a coarse converter; and as
-many times any other run in which that channel does not move.
-"""
 SPIKE, SPIKE_OF_SPAN, SPAN_LEAST, AGREE = 30.0, 0.5, 0.05, 0.1
 """Times the usual jump from row to row, and of what the channel spans but for so much at each end: a spike jumps
 further, and its neighbours differ by no more of it than that. Of nine measured recordings one has any, 5 in contact.
@@ -45,7 +42,7 @@ class Samples(Rows):
         wrench: readings (n, 6), N and N m, sensor axes, pull sign.
         R_base_flange: rotation matrices (n, 3, 3), from flange to base axes; made of quaternions x, y, z, w (n, 4) or a
             scipy Rotation, if such are given.
-        t: times (n,), s.
+        t: times (n,), s; or dates, of numpy, pandas or Python, as s since 1970, UTC where they state no time zone.
         position: of the flange (n, 3), m, base axes; what is no place, as a NaN, is not known.
         load_mass: hung on the tool (n,), kg; 0 is none.
         came: when the arm had come to rest at the orientation (n,), s, at `t` or before; None: not known.
@@ -86,14 +83,42 @@ class Samples(Rows):
     accelerometer_period: float | None = None
     notes: tuple[str, ...] = ()
 
+    if TYPE_CHECKING:  # what is taken is more than what the fields are then
+
+        def __init__(
+            self,
+            wrench: ArrayLike,
+            R_base_flange: OrientationLike,
+            t: TimesLike | None = None,
+            position: ArrayLike | None = None,
+            load_mass: ArrayLike | None = None,
+            source: str = "arrays",
+            delay: float | None = None,
+            delay_std: float | None = None,
+            saturated: ArrayLike | None = None,
+            read_as: ReadAs = ...,
+            doubt: str = "",
+            damage: str = "",
+            came: TimesLike | None = None,
+            pose_period: float | None = None,
+            accelerometer: ArrayLike | None = None,
+            accelerometer_period: float | None = None,
+            notes: tuple[str, ...] = (),
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         shape: tuple[int, ...] = ()
         with suppress(ValueError):  # of lists that are no numbers, which is said below
             shape = np.shape(self.R_base_flange)
         if hasattr(self.R_base_flange, "as_matrix") or shape[1:] == (4,):
             object.__setattr__(self, "R_base_flange", rotation_matrices(self.R_base_flange)[0])
+        elif len(shape) > 1 and shape[1:] != (3, 3):
+            raise InputError(f"R_base_flange has shape {shape}, expected {ORIENTATIONS}")
         require_axes(self.wrench)
         super().__post_init__()
+        for name in ("delay", "delay_std", "pose_period", "accelerometer_period"):
+            if (stated := getattr(self, name)) is not None:
+                TIME.require(stated, name)
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
         for name, within in ranges.items():
             _require_within(name, getattr(self, name), within)
@@ -154,6 +179,17 @@ class WrenchStream(Rows):
     load_mass: Array | None = field(default=None, metadata=column())
     saturated: NDArray[np.bool_] | None = field(default=None, metadata=column(kind=np.bool_))
 
+    if TYPE_CHECKING:  # as of `Samples`
+
+        def __init__(
+            self,
+            t: TimesLike,
+            wrench: ArrayLike,
+            source: str = "arrays",
+            load_mass: ArrayLike | None = None,
+            saturated: ArrayLike | None = None,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         super().__post_init__()
         _require_within("wrench", np.where(np.isfinite(self.wrench), self.wrench, 0.0), READING)
@@ -179,6 +215,12 @@ class OrientationStream(Rows):
     R_base_flange: Array = field(metadata=column(3, 3))
     position: Array | None = field(default=None, metadata=column(3))
     source: str = "arrays"
+
+    if TYPE_CHECKING:  # as of `Samples`
+
+        def __init__(
+            self, t: TimesLike, R_base_flange: ArrayLike, position: ArrayLike | None = None, source: str = "arrays"
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -219,30 +261,6 @@ def stands_for_none(written: Array, least: float = CODES[1]) -> NDArray[np.bool_
     is_code = np.isin(np.rint(size), CODES) & (np.abs(size - np.rint(size)) < 1e-6)
     largest = np.max(np.where(is_code | np.isnan(size), 0.0, size), axis=0)
     return np.asarray(is_code & large & (size > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5))
-
-
-def at_limit(wrench: Array) -> NDArray[np.bool_]:
-    """Whether a channel of readings (n, 6) stands at its limit: (n,)."""
-    return np.asarray(channels_at_limit(wrench).any(axis=1))
-
-
-def channels_at_limit(wrench: Array) -> NDArray[np.bool_]:
-    """Which channels of readings (n, 6) stand at their largest or smallest value for far longer than they ever stand
-    anywhere else, while others move: (n, 6). So limits show where the recording does not say so; of a dead channel
-    nothing does.
-    """
-    standing, moves = np.zeros(wrench.shape, dtype=bool), np.r_[True, (np.diff(wrench, axis=0) != 0.0).any(axis=1)]
-    for k, values in enumerate(wrench.T if len(wrench) else ()):
-        first = np.flatnonzero(np.r_[True, np.diff(values) != 0.0])
-        length = np.diff(np.r_[first, len(values)])
-        level = values[first]
-        known = np.isfinite(level)
-        extreme = (level == level.max(where=known, initial=-np.inf)) | (level == level.min(where=known, initial=np.inf))
-        extreme &= np.add.reduceat(moves, first, dtype=int) > ALIVE * length
-        if (other := known & ~extreme).any():
-            longest = max(LONGEST_CHANCE, TIMES_USUAL * length[other].max())
-            standing[:, k] = np.repeat(extreme & (length >= longest), length)
-    return standing
 
 
 def spikes(samples: Samples) -> NDArray[np.bool_]:
