@@ -6,7 +6,7 @@ import pickle
 import subprocess
 import sys
 import time
-from copy import deepcopy
+from copy import copy, deepcopy
 from importlib.util import find_spec
 from itertools import pairwise
 from typing import Any
@@ -168,7 +168,7 @@ def test_a_copy_goes_on_by_itself(fast: bool) -> None:
     expected = whole.run(wrench, quat_xyzw, t, heat)
     first = cw.Compensator(calibration, **(EVERYTHING | {"fast": fast}))
     first.run(wrench[:200], quat_xyzw[:200], t[:200], heat[:200])
-    for other in (deepcopy(first), pickle.loads(pickle.dumps(first))):
+    for other in (copy(first), deepcopy(first), pickle.loads(pickle.dumps(first))):
         found = other.run(wrench[200:], quat_xyzw[200:], t[200:], heat[200:])
         assert np.array_equal(found.wrench, expected.wrench[200:], equal_nan=True)
     sample = first(wrench[200], quat_xyzw[200], t[200], heat[200])

@@ -107,8 +107,7 @@ class Compensator:
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
         s.dof, s.follows_bias, s.measured = calibration.dof, drift is not None, measured_by(calibration)
-        of_an_hour = six_numbers(None if drift is None else with_torques(drift), "drift", WALK)
-        s.walk = [std * std / HOUR for std in of_an_hour]
+        s.walk = [w * w / HOUR for w in six_numbers(None if drift is None else with_torques(drift), "drift", WALK)]
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
 
@@ -125,6 +124,8 @@ class Compensator:
             self._use_rate(self._rate)
             self._runner.state.stamps_awaited = 0
         vars(self).pop("owner", None)
+
+    __copy__ = deepcopy  # a shallow one would share the state
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "owner"}
@@ -245,8 +246,7 @@ class Compensator:
     @property
     def last_contact(self) -> Contact | None:
         """The contact that lasts (`release` None), or else the last one that ended."""
-        s = self._runner.state
-        return contact_so_far(s, self._noise, None) if s.touching else self._last_contact
+        return contact_so_far(s, self._noise, None) if (s := self._runner.state).touching else self._last_contact
 
     @property
     def drift(self) -> Array:
