@@ -6,7 +6,7 @@ import pickle
 import subprocess
 import sys
 import time
-from copy import deepcopy
+from copy import copy, deepcopy
 from importlib.util import find_spec
 from itertools import pairwise
 from typing import Any
@@ -168,7 +168,7 @@ def test_a_copy_goes_on_by_itself(fast: bool) -> None:
     expected = whole.run(wrench, quat_xyzw, t, heat)
     first = cw.Compensator(calibration, **(EVERYTHING | {"fast": fast}))
     first.run(wrench[:200], quat_xyzw[:200], t[:200], heat[:200])
-    for other in (deepcopy(first), pickle.loads(pickle.dumps(first))):
+    for other in (copy(first), deepcopy(first), pickle.loads(pickle.dumps(first))):
         found = other.run(wrench[200:], quat_xyzw[200:], t[200:], heat[200:])
         assert np.array_equal(found.wrench, expected.wrench[200:], equal_nan=True)
     sample = first(wrench[200], quat_xyzw[200], t[200], heat[200])
@@ -432,6 +432,22 @@ def test_settings_that_cannot_be_meant(settings: dict[str, Any], message: str) -
     with pytest.raises(InputError) as caught:
         cw.Compensator(calibration, **({"rate": RATE} | settings))
     assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize("per_second", [1e3, 1e6, 1e9])
+def test_times_that_are_no_seconds_are_refused_and_change_nothing(per_second: float) -> None:
+    """Else each was a gap of years, and no row valid; one of them alone is a fault of its row."""
+    calibration, wrench, quat_xyzw, _, _ = _eventful(2)
+    unix, compensator = 1.79e9 + np.arange(len(wrench)) / RATE, _compensator(calibration)
+    with pytest.raises(InputError) as caught:
+        compensator.run(wrench, quat_xyzw, (per_second * unix).astype(np.int64))
+    assert str(caught.value) == (
+        f"t is up to {per_second * 1.79e9:.6g}, a time since 1970, expected s: divide it by {per_second:,.0f}"
+    )
+    unix[[0, 300]] = np.nan, per_second * unix[300]
+    found, expected = (each.run(wrench, quat_xyzw, unix) for each in (compensator, _compensator(calibration)))
+    assert np.array_equal(found.wrench, expected.wrench, equal_nan=True)
+    assert str(found.reason[300]).startswith("gap: nothing for 1.7")
 
 
 def test_shapes_are_refused() -> None:

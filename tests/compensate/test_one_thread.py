@@ -113,7 +113,9 @@ def test_every_call_from_another_thread_is_refused_and_changes_nothing(fast: boo
         assert np.array_equal(now[0].std, now[1].std)
 
 
-@pytest.mark.parametrize("way", [lambda c: c.reset(), copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
+@pytest.mark.parametrize(
+    "way", [lambda c: c.reset(), copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))]
+)
 @pytest.mark.parametrize("fast", STEPS)
 def test_a_new_beginning_and_a_copy_are_for_any_thread(fast: bool, way: Callable[[Any], Any]) -> None:
     shared, alone = compensator(fast), compensator(fast)
@@ -134,7 +136,7 @@ def test_a_refused_call_leaves_it_free() -> None:
     assert shared(np.ones(6), AT_REST, 0.0).valid
 
 
-@pytest.mark.parametrize("way", [copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
+@pytest.mark.parametrize("way", [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
 @pytest.mark.parametrize("fast", STEPS)
 def test_a_copy_goes_on_from_the_same_state_on_its_own(fast: bool, way: Callable[[Any], Any]) -> None:
     rng = np.random.default_rng(1)

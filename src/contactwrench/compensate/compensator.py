@@ -125,6 +125,8 @@ class Compensator:
             self._runner.state.stamps_awaited = 0
         vars(self).pop("owner", None)
 
+    __copy__ = deepcopy  # a shallow one would share the state
+
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "owner"}
 
@@ -244,8 +246,7 @@ class Compensator:
     @property
     def last_contact(self) -> Contact | None:
         """The contact that lasts (`release` None), or else the last one that ended."""
-        s = self._runner.state
-        return contact_so_far(s, self._noise, None) if s.touching else self._last_contact
+        return contact_so_far(s, self._noise, None) if (s := self._runner.state).touching else self._last_contact
 
     @property
     def drift(self) -> Array:

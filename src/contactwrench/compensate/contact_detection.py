@@ -14,6 +14,7 @@ from ..geometry.ranges import Range
 from ..samples.poses import SAME_POSE_ANGLE
 from .bias_tracking import CREEP, RECOVERY, REMNANT, SAME_SECONDS, SETTLED, SETTLED_LATE, predict, whiten
 from .contact_wrenches import FREE, TOUCHING, Contact
+from .delay import whiten_turn
 from .faults import FINE, SAME
 from .noise import SampleNoise, learn_noise
 from .shaking import of_motion, whiten_shaking
@@ -112,6 +113,8 @@ def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
     whiten(s.systematic, s.noise_left, s.whitening)
     if s.knows_inertia:
         whiten_shaking(s)
+    else:
+        whiten_turn(s)
     dof = satterthwaite(s.whitening, s.systematic, s.dof)
     s.fire, s.end, s.begin = threshold_at(s.fires, dof), threshold_at(s.ends, dof), threshold_at(s.begins, dof)
     for k in range(9):

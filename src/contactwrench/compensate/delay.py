@@ -1,5 +1,6 @@
 """The pose at the wrench's moment, where that is stamped later or earlier, and what a delay that is not quite known
-leaves of the weight while the arm turns: a wrench along that of the turn.
+leaves of the weight while the arm turns, a wrench along that of the turn; or, of a pose that comes late, that the turn
+is another by then.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ def use_delay(
     known = std_of_delay(calibration) if stated is None else 0.0
     s.delay_std = float(DELAY_STD.require(known if std is None else std, "delay_std"))
     s.look_back = s.delay if s.delay > 0.0 else max(-s.delay, LEAST_LOOK_BACK)
+    s.past = s.look_back + max(-s.delay, 0.0)
 
 
 def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:
@@ -63,7 +65,7 @@ def as_the_wrench_is_stamped(s: State, ring: Matrix, now: float, fresh: bool) ->
 
     A wrench that lags belongs to an orientation of before, between two that are kept. For one that leads, the pose
     being late, the turn of the last moments is carried on; that is wrong by half the angular acceleration times
-    delay times (delay + the time looked back).
+    delay times (delay + the time looked back), as `miss` finds it.
     """
     size, down = len(ring), s.down
     if fresh:
@@ -85,7 +87,34 @@ def as_the_wrench_is_stamped(s: State, ring: Matrix, now: float, fresh: bool) ->
         ahead = -s.delay / past if past > 0.0 else 0.0
         a, b, c = down[0], down[1], down[2]
         x, y, z = a + ahead * (a - x), b + ahead * (b - y), c + ahead * (c - z)
+        entry[4], entry[5], entry[6] = x, y, z
+        miss(s, ring, newest, now, fresh)
     down[0], down[1], down[2] = x, y, z
+
+
+@kernel
+def miss(s: State, ring: Matrix, newest: int, now: float, fresh: bool) -> None:
+    """What was carried on with a delay ago, less what has come of it: so much is missed now too, along that; along
+    how it changes, as much as within a delay; and whatever way as much as that changes. All three go beside down, into
+    `s.down`, and through the filters that it goes through; none before enough of the past is known.
+    """
+    size, down, missed, changed = len(ring), s.down, s.missed[0], s.missed[1]
+    at = newest if fresh else s.missed_at
+    if at == newest and not fresh:
+        at = (newest + 1) % size
+    at, after, share = looked_up(ring, 0, at, newest, now + s.delay)
+    s.missed_at = at
+    older, later = ring[at], ring[after]
+    since = 0.0 if fresh else now - ring[(newest - 1) % size][0]
+    follows, known = since / (since - s.delay), now - s.past >= s.poses_from
+    for k in range(3):
+        off = older[4 + k] + share * (later[4 + k] - older[4 + k]) - down[k]
+        missed[k] += follows * (off - missed[k])
+        change = off - missed[k]
+        changed[k] += follows * (change - changed[k])
+        down[3 + k] = off if known else 0.0
+        down[6 + k] = change if known else 0.0
+        down[9 + k] = change - changed[k] if known else 0.0
 
 
 @kernel
@@ -120,7 +149,8 @@ def looked_up(ring: Matrix, column: int, at: int, newest: int, wanted: float) ->
 def follow_turn(s: State, now: float, passed: float, fresh: bool, fresh_pose: bool) -> bool:
     """How fast down turns, behind the sensor's own filter, `passed` s after the sample before, and the wrench (6,) that
     is made of it, behind the low-pass, by a delay one standard deviation off and by the age of an orientation that is
-    held; whether that counts. Nothing is learned of the bias where it is beyond the noise.
+    held; with it what is missed where down is carried on: as a covariance of down, `of_turn`. Whether they count.
+    Nothing is learned of the bias where they are beyond the noise.
     """
     down, last, turning, counts = s.down, s.last_down, s.turning, False
     if fresh_pose:
@@ -139,11 +169,23 @@ def follow_turn(s: State, now: float, passed: float, fresh: bool, fresh_pose: bo
     for k in range(3):
         last[k] = down[k]
         off[k] = lateness * turning[k]
-    low_pass(s.lowpass, s.turn_memory, off, 3, fresh or fresh_pose)
+    count = 3
+    if s.delay < 0.0:
+        count = TERMS
+        for k in range(3, TERMS):
+            off[k] = down[k]
+    low_pass(s.lowpass, s.turn_memory, off, count, fresh or fresh_pose)
+    whatever = off[9] * off[9] + off[10] * off[10] + off[11] * off[11]
+    for k in range(3):
+        for i in range(k + 1):
+            s.of_turn[k][i] = off[k] * off[i] + off[3 + k] * off[3 + i] + off[6 + k] * off[6 + i]
+        s.of_turn[k][k] += whatever
     for k in range(6):
-        B = s.B[k]
-        of_delay = s.of_delay[k] = B[0] * off[0] + B[1] * off[1] + B[2] * off[2]
-        of_motion, at_rest = of_delay * of_delay, s.systematic[k][k] + s.noise_left[k]
+        B, at_rest = s.B[k], s.systematic[k][k] + s.noise_left[k]
+        of_motion = whatever * (B[0] * B[0] + B[1] * B[1] + B[2] * B[2])
+        for i in range(0, min(count, 9), 3):
+            along = B[0] * off[i] + B[1] * off[i + 1] + B[2] * off[i + 2]
+            of_motion += along * along
         s.of_motion[k] = of_motion
         counts = counts or of_motion > NEXT_TO_NOTHING * at_rest
         if of_motion > at_rest:
@@ -165,16 +207,50 @@ def age_of_orientation(s: State, now: float) -> float:
 
 
 @kernel
-def explained_by_delay(s: State, wrench: Row) -> float:
-    """By how much the statistic of a contact wrench is less, as a delay that is off may make some of it: its covariance
-    grows by `of_delay of_delay^T` (Sherman and Morrison, 1950).
+def whiten_turn(s: State) -> None:
+    """How far a contact wrench lies along that of each part of down, weighed by its covariance at rest S: `by_down`
+    (3, 6), B^T S^-1, and `down_gram` (3, 3), B^T S^-1 B.
     """
-    along, of_itself = 0.0, 0.0
-    for i in range(6):
-        row, u, white = s.whitening[i], 0.0, 0.0
-        for k in range(i + 1):
-            u += row[k] * s.of_delay[k]
-            white += row[k] * wrench[k]
-        along += u * white
-        of_itself += u * u
-    return along * along / (1.0 + of_itself)
+    for axis in range(3):
+        row = s.by_down[axis]
+        for k in range(6):
+            row[k] = 0.0
+        for i in range(6):
+            W, white = s.whitening[i], 0.0
+            for k in range(i + 1):
+                white += W[k] * s.B[k][axis]
+            for k in range(i + 1):
+                row[k] += W[k] * white
+        for other in range(3):
+            total = 0.0
+            for k in range(6):
+                total += row[k] * s.B[k][other]
+            s.down_gram[axis][other] = total
+
+
+@kernel
+def explained_by_turn(s: State, wrench: Row) -> float:
+    """By how much the statistic of a contact wrench is less, as a delay that is off, and a turn that is carried on, may
+    make some of it: its covariance grows by `B L L^T B^T`, where L L^T is that of down (Woodbury, 1950).
+    """
+    K, G, to_x, to_y, to_z = s.of_turn, s.down_gram, s.by_down[0], s.by_down[1], s.by_down[2]
+    x = y = z = 0.0
+    for k in range(6):
+        felt = wrench[k]
+        x, y, z = x + to_x[k] * felt, y + to_y[k] * felt, z + to_z[k] * felt
+    # Cholesky's L, of less than full rank where down turns about one axis: rows a; b d; c e f.
+    a = sqrt(K[0][0])
+    b, c = (K[1][0] / a, K[2][0] / a) if a > 0.0 else (0.0, 0.0)
+    d = sqrt(max(K[1][1] - b * b, 0.0))
+    e = (K[2][1] - b * c) / d if d > 0.0 else 0.0
+    f = sqrt(max(K[2][2] - c * c - e * e, 0.0))
+    x, y, z = a * x + b * y + c * z, d * y + e * z, f * z
+    # 1 + L^T G L, and Gauss: each row less what the rows before have of it.
+    p, q, r = G[0][0] * a + G[0][1] * b + G[0][2] * c, G[0][1] * d + G[0][2] * e, G[0][2] * f
+    t, u, v = G[1][0] * a + G[1][1] * b + G[1][2] * c, G[1][1] * d + G[1][2] * e, G[1][2] * f
+    g, h, w = G[2][0] * a + G[2][1] * b + G[2][2] * c, G[2][1] * d + G[2][2] * e, G[2][2] * f
+    xx, xy, xz = 1.0 + a * p + b * t + c * g, a * q + b * u + c * h, a * r + b * v + c * w
+    yy, yz, zz = 1.0 + d * u + e * h - xy * xy / xx, d * v + e * w - xy * xz / xx, 1.0 + f * w - xz * xz / xx
+    y, z, zz = y - xy / xx * x, z - xz / xx * x, zz - yz * yz / yy
+    z -= yz / yy * y
+    return x * x / xx + y * y / yy + z * z / zz

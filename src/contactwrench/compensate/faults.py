@@ -62,6 +62,7 @@ REASONS = (
 class Reason(str):
     """What is wrong with a sample in words, and the `kind` of it, by which samples are counted."""
 
+    __slots__ = ("kind",)
     kind: str
 
     def __new__(cls, text: str, kind: str) -> Reason:
@@ -85,9 +86,10 @@ def reason_of(fault: int, detail: float, channel: int) -> Reason | None:
 def reasons_of(samples: NDArray[np.void]) -> tuple[Reason | None, ...]:
     """The faults of samples (n,)."""
     reasons: list[Reason | None] = [None] * len(samples)
-    faults = samples["fault"]
-    for row in np.flatnonzero(faults).tolist() if faults.any() else ():
-        reasons[row] = reason_of(*samples[["fault", "detail", "channel"]][row].item())
+    rows = np.flatnonzero(samples["fault"])
+    each = (samples[name][rows].tolist() for name in ("fault", "detail", "channel"))
+    for row, fault, detail, channel in zip(rows.tolist(), *each, strict=True):
+        reasons[row] = reason_of(fault, detail, channel)
     return tuple(reasons)
 
 

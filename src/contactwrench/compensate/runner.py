@@ -11,7 +11,7 @@ from functools import cache, wraps
 from hashlib import sha256
 from importlib.util import find_spec
 from inspect import getsource
-from math import nan
+from math import inf, nan
 from threading import Timer, get_ident
 from typing import Any
 
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, numbers, read_only, seconds
 from ..geometry.orientation import OrientationLike, numbers_of
+from ..geometry.ranges import require_seconds
 from ..geometry.wrench import wrench_rows
 from ..subtract import compiled_by_numba
 from .contact_wrenches import Contact, ContactWrenches
@@ -83,7 +84,7 @@ def given(
 ) -> tuple[NDArray[np.void], int]:
     """Samples (n,) to be taken, and how many numbers an orientation has: 4 or 9. `told` (n, 3) of the motion, or in
     `moving` its terms (n, 12), and by how much the variance (n, 6) grows in it, where they are known. Raises
-    `InputError` for shapes that do not pair.
+    `InputError` for shapes that do not pair, and for times of which none is in s: one alone is a fault of its sample.
     """
     readings, leading = wrench_rows(wrench)
     if len(leading) > 1:
@@ -99,6 +100,7 @@ def given(
         )
     if told.shape != (n, 3):
         raise InputError(f"position or acceleration has shape {told.shape}, expected ({n}, 3) for {n} readings")
+    require_seconds(float(np.fmin.reduce(times, initial=inf)))
     width = 4 if turns.shape[1:] == (4,) else 9
     samples = np.zeros(n, SAMPLE)
     samples["reading"], samples["orientation"][:, :width] = readings, turns.reshape(-1, width)

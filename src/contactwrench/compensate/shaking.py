@@ -61,8 +61,8 @@ def whiten_shaking(s: State) -> None:
 @kernel
 def noise_of_motion(s: State, sample: Sample, fresh: bool) -> float:
     """By what share the variance of a contact wrench grows in motion, but for what shakes, on the axis where it grows
-    most; writes the variance of the shaking acceleration, `s.shaken`, and all that motion adds, `s.of_motion`: what
-    shakes, by what an accelerometer is off, what is not known of the inertia and of the delay, the noise of poses
+    most; writes the variance of the shaking acceleration, `s.shaken`, and all that motion adds to that of the turn,
+    `s.of_motion`: what shakes, by what an accelerometer is off, what is not known of the inertia, the noise of poses
     behind the low-pass, which a `fresh` sample begins anew, and by how much the terms are older than the wrench, or
     were for as long as it remembers that.
     """
@@ -98,7 +98,7 @@ def noise_of_motion(s: State, sample: Sample, fresh: bool) -> float:
             variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
         if k > 2:
             variance += torque
-        variance += s.of_delay[k] * s.of_delay[k]
+        variance += of_motion[k]
         of_motion[k] = variance + shaken * shaken_by[k]
         at_rest = s.systematic[k][k] + s.noise_left[k]
         most = max(most, variance / at_rest)

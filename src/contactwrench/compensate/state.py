@@ -19,26 +19,21 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 PARAMETERS = 20
 """Of a calibration, that depend on the orientation, at most: those of `affine`."""
-OCTAVES = 20
-"""Of numbers of samples, over which the noise is learned."""
+OCTAVES, OCTAVES_HELD = 20, 7
+"""Of numbers of samples, over which the noise is learned, and for which a pose is held."""
 THRESHOLDS = 400
 """Knots of the thresholds over the degrees of freedom."""
 INTERVALS, MOST_INTERVALS = 24, 6144
-"""Between stamps, from which the rate is taken, and then of twice as many each time, up to the last: so few may have
-waited in a queue, and come at once.
-"""
+"""Between stamps, from which the rate is taken: so few may have waited in a queue; then twice as many, to the last."""
 ANOTHER = 1.02
 """Times the rate, or less than one over it: another rate."""
 TERMS = 12
 """Of a motion, that a moving tool's wrench is linear in."""
-OF_DOWN, OF_MOTION, OF_FELT = 4, 1 + TERMS, 4
-"""Numbers of the direction of down, of a motion and of an accelerometer, side by side in a ring, the time first."""
-OCTAVES_HELD = 7
-"""Of numbers of samples for which a pose is held."""
+OF_DOWN, OF_MOTION, OF_FELT = 7, 1 + TERMS, 4
+"""Numbers of down, and of what it is carried on to, a motion, an accelerometer: side by side in a ring, time first."""
 SECTIONS = 2
 """Second-order sections of a filter, at most; where the first coefficient is 0 there is none."""
-LOG_SAME_UNSEEN = -0.0207
-"""Of a channel that never moved: it may repeat 10,000 times."""
+LOG_SAME_UNSEEN = -0.0207  # of a channel that never moved: it may repeat 10,000 times
 
 ENDED, RATE_FOUND, COVARIANCE, NOISE_LEARNED = 1, 2, 4, 8
 """Events of a sample: a contact ended, the rate is known or another, the covariance another, the noise learned."""
@@ -96,6 +91,7 @@ class State:
     delay: float = 0.0
     delay_std: float = 0.0
     look_back: float = 0.0
+    past: float = 0.0
     minimum_duration: float = 0.0
 
     # What follows from the rate.
@@ -130,9 +126,11 @@ class State:
     # Filters and the delay.
     lowpass_memory: Matrix = numbers(2 * SECTIONS, 6)
     sensor_memory: Matrix = numbers(2 * SECTIONS, TERMS)
-    down: Row = numbers(TERMS)  # of which three count: as long as `seen`, so that one filter is compiled for both
+    down: Row = numbers(TERMS)  # of which three count, or all where it is carried on: as long as `seen`
     ring_next: int = 0
     ring_at: int = 0
+    missed_at: int = 0
+    missed: Matrix = numbers(2, 3)
     poses_from: float = 0.0
 
     # The tool's inertia, and how the flange moves, as in inertia.py.
@@ -186,14 +184,16 @@ class State:
     felt_rate: Row = numbers(3)
     felt_off: float = 0.0
 
-    # How fast down turns as the sensor sees it, 1/s, and the wrench that a delay one std off makes of that.
+    # How fast down turns as the sensor sees it, 1/s, what a delay that is off makes of that, and of a turn carried on.
     followed: float = 0.0
     since_turn: float = 0.0
     last_down: Row = numbers(3)
     turning: Row = numbers(3)
-    turned_by: Row = numbers(3)
-    turn_memory: Matrix = numbers(2 * SECTIONS, 3)
-    of_delay: Row = numbers(6)
+    turned_by: Row = numbers(TERMS)
+    turn_memory: Matrix = numbers(2 * SECTIONS, TERMS)
+    of_turn: Matrix = numbers(3, 3)
+    by_down: Matrix = numbers(3, 6)
+    down_gram: Matrix = numbers(3, 3)
 
     # What shakes it, as in shaking.py.
     shaking: Matrix = numbers(2, 2)

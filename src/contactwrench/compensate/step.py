@@ -9,12 +9,12 @@ from .acceleration import LONGEST_SILENCE
 from .bias_tracking import MOST_TO_SETTLE, learn
 from .contact_detection import far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
-from .delay import as_the_wrench_is_stamped, explained_by_delay, follow_turn
+from .delay import as_the_wrench_is_stamped, explained_by_turn, follow_turn
 from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, SILENT, STUCK, standing_still, unreadable
 from .filters import low_pass
 from .inertia import exerted, follow_motion, take_pose, terms_then
 from .shaking import noise_of_motion, statistic_in_motion
-from .state import ANOTHER, MOST_INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
+from .state import ANOTHER, MOST_INTERVALS, RATE_FOUND, TERMS, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
 HOTTEST = 1e4
@@ -37,7 +37,7 @@ def taking(digest: str) -> Callable[..., int]:
         """Take samples from `begin` on, to the first with an event, with orientations of `width` 4 or 9 numbers; how
         many are taken.
 
-        `ring` (k, 4 or 21): times and directions of down, for a delay; times and terms of the motion, and what is felt.
+        `ring` (k, 7 or 24): times and directions of down, for a delay; times and terms of the motion, and what is felt.
         """
         digest  # noqa: B018
         s = states[0]
@@ -61,8 +61,8 @@ def taking(digest: str) -> Callable[..., int]:
                 fresh_pose = restart or (s.fresh == WHOLLY and fault < STUCK)
                 if fresh_pose:
                     s.poses_from, s.fresh = now, min(s.fresh, WRENCH_ALONE)
-                if fault == FINE and s.delay != 0.0 and now - s.look_back < s.poses_from:
-                    fault, detail = NO_PAST, s.look_back
+                if fault == FINE and s.delay != 0.0 and now - s.past < s.poses_from:
+                    fault, detail = NO_PAST, s.past
                 recovers = s.fresh != 0 and fault < STUCK
                 look_down(s, ring, now, fresh_pose)
                 if s.knows_inertia:
@@ -143,10 +143,11 @@ def look_down(s: State, ring: Matrix, now: float, fresh: bool) -> None:
 @kernel
 def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
     """The contact wrench, filtered: the reading less what the model gives at the wrench's moment, behind the sensor's
-    own filter. The model is linear in down as the flange sees it, so three numbers are filtered and not six.
+    own filter. The model is linear in down as the flange sees it, so three numbers are filtered and not six, and what
+    is missed of them.
     """
     down = s.down
-    low_pass(s.sensor, s.sensor_memory, down, 3, fresh_pose)
+    low_pass(s.sensor, s.sensor_memory, down, TERMS if s.delay < 0.0 else 3, fresh_pose)
     x, y, z = down[0], down[1], down[2]
     if abs(sample.temperature) <= HOTTEST:
         s.temperature = sample.temperature
@@ -177,7 +178,7 @@ def weigh(s: State, sample: Sample, passed: float, fresh: bool, fresh_pose: bool
     else:
         sample.statistic = statistic_of(sample.wrench, s.whitening)
         if moving:
-            sample.statistic -= explained_by_delay(s, sample.wrench)
+            sample.statistic -= explained_by_turn(s, sample.wrench)
     for k in range(6):
         at_rest = s.wrench_std[k]
         sample.wrench_std[k] = sqrt(at_rest * at_rest + s.of_motion[k]) if moving else at_rest

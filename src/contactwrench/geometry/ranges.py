@@ -82,6 +82,12 @@ def per_second(t: float) -> float:
     return next((each for each in (1e3, 1e6, 1e9) if UNIX_TIMES.least <= t / each <= UNIX_TIMES.most), 1.0)
 
 
+def require_seconds(t: float) -> None:
+    """Raise `InputError` for a Unix time, one of several, that by its size is none in s."""
+    if (per_s := per_second(t)) > 1.0:
+        raise InputError(f"t is up to {t:.6g}, a time since 1970, expected s: divide it by {per_s:,.0f}")
+
+
 FEWEST_TIMES, SLOWEST_STEP, LONGEST_RECORDING = 200, 1.0, 1e4
 """So many times, of which the middle step is of so many s or more, are likely in another unit: where they are whole
 numbers, or go on for longer than so many s.

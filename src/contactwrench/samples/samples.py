@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, TimesLike, column, read_only
 from ..geometry.orientation import ORIENTATIONS, OrientationLike, nearest_rotations, rotation_matrices
-from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range, per_second
+from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range, require_seconds
 from ..geometry.wrench import WRENCH_AXES, require_axes
 from .limits import LONGEST_CHANCE
 
@@ -126,9 +126,8 @@ class Samples(Rows):
             row, axis = (int(place) for place in np.argwhere(codes)[0])
             found = f"wrench in sample {row} is {self.wrench[row, axis]:g}, which stands for no reading"
             raise InputError(f"{found}: leave such samples out", row)
-        latest = 0.0 if self.t is None else float(self.t.max(initial=0.0))
-        if (per_s := per_second(latest)) > 1.0:
-            raise InputError(f"t is up to {latest:.6g}, a time since 1970, expected s: divide it by {per_s:,.0f}")
+        if self.t is not None:
+            require_seconds(float(self.t.max(initial=0.0)))
         if self.came is not None and (self.t is None or (self.came > self.t).any()):
             raise InputError("came is later than t, or there is no t, expected when the arm had come to rest: before t")
         object.__setattr__(self, "position", _known(self.position))
