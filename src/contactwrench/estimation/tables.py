@@ -239,18 +239,13 @@ def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None, 
 def settled_beside(problem: Problem, first: Table) -> Table | None:
     """The table of all poses near the `first`, with turns if that has any; None where it comes nowhere near."""
     kept, kernels = np.ones(len(first.kept), dtype=bool), np.arange(len(problem.kernels.drift))
-    with_turns = first.members.robot.max() >= 0
-
-    def beside(hypotheses: tuple[Hypothesis, ...]) -> Table:
-        table = _untouched(problem, first.tool, kept, hypotheses, kernels)
-        return _with_turns(problem, table, kernels) if with_turns else table
-
-    look = beside((first.hypotheses[first.members.hypothesis[first.best]],))
-    if _weighed(problem, look).log_evidence < first.log_evidence - 2.0 * FAR:  # linearised elsewhere
+    table, with_turns = _untouched(problem, first.tool, kept, first.hypotheses, kernels), first.members.robot.max() >= 0
+    table = _with_turns(problem, table, kernels) if with_turns else table
+    if _weighed(problem, table).log_evidence < first.log_evidence - 2.0 * FAR:  # linearised elsewhere
         return None
     if with_turns:
-        return _weighed(problem, _centred(problem, beside(first.hypotheses), None))
-    table = _centred(replace(problem, robot=()), beside(first.hypotheses), None)
+        return _weighed(problem, _centred(problem, table, None))
+    table = _centred(replace(problem, robot=()), table, None)
     near = _weighed(problem, table).log_evidence > first.log_evidence - FAR
     return _turns_last(problem, table, None) if near else None
 
