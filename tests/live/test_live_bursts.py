@@ -145,3 +145,26 @@ def test_behind_a_gap_in_which_all_was_lost_samples_are_soon_used(rate: float) -
     wait = max(0.05, 10.0 / rate) + 2.0 / rate
     assert min(taken for taken in used if taken > 4.4) < 4.5 + wait
     assert sum(taken > 4.5 + wait for taken in used) == sum(taken > 4.5 + wait for taken in true)
+
+
+@pytest.mark.parametrize("pace", [1.25, 2.0])
+@pytest.mark.parametrize("gap", [6.0, 600.0])
+def test_a_stream_that_comes_faster_than_before_is_used_within_seconds(pace: float, gap: float) -> None:
+    """A program that was restarted at another rate was refused for as long as it had been away, and longer."""
+    begins = 4.0 + gap
+    true = [k / 100.0 for k in range(400)] + [begins + k / (100.0 * pace) for k in range(int(1500 * pace))]
+    used = [taken for taken, _ in behind_a_gap(true, true, 100.0)]
+    assert min(taken for taken in used if taken >= begins) < begins + 5.1
+    assert sum(taken > begins + 5.1 for taken in used) == sum(taken > begins + 5.1 for taken in true)
+
+
+def test_a_device_that_is_connected_to_again_holds_nothing_back() -> None:
+    intake = Intake("tcp://sensor", "sensor")
+    about = About("a sensor", wrench=True, orientation=False)
+    flaws = list[str]()
+    for begins, rate in ((0.0, 100.0), (60.0, 200.0)):
+        intake.opened(about, begins)
+        for k in range(300):
+            batch = Batch([Sample(begins + k / rate, wrench=(0.0,) * 6)])
+            flaws += [sample.flaw for _, sample in intake.take(batch)]
+    assert not any(flaws[-200:])

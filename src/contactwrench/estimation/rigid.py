@@ -113,6 +113,17 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
 
 
 def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Table]:
+    """Those from a start under a steady bias, or, where a step may have led it off, from one that counts the step: by
+    more than a light tool weighs, it leads to another sign, or mounting, from where no step leads back.
+    """
+    steady = _tables_from(problem, plain, begin, np.zeros(len(problem.wrench), dtype=bool))
+    before = _before_a_step(problem)
+    if begin is not None or problem.question.earlier is not None or not before.any():
+        return steady
+    return max(steady, _tables_from(problem, plain, None, before), key=lambda tables: tables[0].log_evidence)
+
+
+def _tables_from(problem: Problem, plain: bool, begin: RigidTool | None, before: NDArray[np.bool_]) -> list[Table]:
     question = problem.question
     look = _settled_only if plain else explored
     if question.earlier is not None:
@@ -121,15 +132,17 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
         search, free = SEARCH_OF_MODEL[question.model], hypotheses_of(question, False, False)
         if begin is not None:
             return look(problem, begin, free)
-        best = look(problem, _start(problem, search), free)
-        return best if best[0].kept.all() else _led_by_the_others(problem, best, _start(problem, search, best[0].kept))
+        best = look(problem, _start(problem, search, before), free)
+        if best[0].kept.all():
+            return best
+        return _led_by_the_others(problem, best, _start(problem, search, before, best[0].kept))
     mounting, base = question.priors.mount is None, question.priors.base is None
     nominal = hypotheses_of(question, False, False)
-    anywhere = _start(problem, Search(True, True))
+    anywhere = _start(problem, Search(True, True), before)
     near_nominal = _is_near_nominal(problem, anywhere)
-    best = look(problem, anywhere if near_nominal else _start(problem, Search(mounting, base)), nominal)
+    best = look(problem, anywhere if near_nominal else _start(problem, Search(mounting, base), before), nominal)
     if not best[0].kept.all():
-        anywhere = _start(problem, Search(True, True), best[0].kept)
+        anywhere = _start(problem, Search(True, True), before, best[0].kept)
         near_nominal = _is_near_nominal(problem, anywhere)
         best = _led_by_the_others(problem, best, anywhere)
     if near_nominal:
@@ -168,13 +181,15 @@ def _settled_only(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesi
     return [settled(problem, tool, np.ones(len(problem.wrench), dtype=bool), hypotheses)]
 
 
-def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = None) -> RigidTool:
-    """The most promising guess, brought close to its optimum under a bias that is steady, or made one step."""
+def _start(
+    problem: Problem, search: Search, before: NDArray[np.bool_], kept: NDArray[np.bool_] | None = None
+) -> RigidTool:
+    """The most promising guess, brought close to its optimum under a bias that is another one `before` a step, (n,)."""
     kept = np.ones(len(problem.wrench), dtype=bool) if kept is None else kept
-    both = np.column_stack([problem.R_base_flange[kept].reshape(-1, 9), problem.wrench[kept]])
-    before = _before_a_step(problem, kept)
-    for part in (before, ~before):
+    both = np.column_stack([problem.R_base_flange.reshape(-1, 9), problem.wrench])
+    for part in (kept & before, kept & ~before):
         both[part] -= both[part].mean(axis=0) if part.any() else 0.0
+    both = both[kept]
     R, wrench = both[:, :9].reshape(-1, 3, 3), both[:, 9:]
     rows: Array = np.linalg.qr(both).R  # few, with the moments of all
     wide = Hypothesis(None if search.any_mounting else WIDE, None if search.any_base else WIDE, (False, False), 0.0)
@@ -187,19 +202,17 @@ def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = No
     return min(reached, key=lambda misfit_and_tool: misfit_and_tool[0])[1]
 
 
-def _before_a_step(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which of the poses kept (m,) come before the step of the bias that makes most of what is left beside a linear
-    response to gravity as stated; none where no step does. A sensor that was zeroed anew between them by more than a
-    light tool weighs would lead to another sign, or mounting, from where no step leads back.
+def _before_a_step(problem: Problem) -> NDArray[np.bool_]:
+    """The poses (n,) before the step of the bias that makes most of what is left beside a linear response to gravity as
+    stated; none where no step does.
     """
-    steps = [drift.columns[kept] for drift in problem.kernels.drifts if drift.first_after is not None]
-    m = int(kept.sum())
-    if not steps or m < FEWEST_FOR_STEP:
-        return np.zeros(m, dtype=bool)
-    r = gravity_in_flange(problem.R_base_flange[kept], problem.question.gravity_direction)
-    before, response_of_any = np.hstack(steps), np.linalg.qr(np.column_stack([np.ones(m), r])).Q
-    wrench = problem.wrench[kept] / np.sqrt(relative_variances(problem.question.noise))
-    left, seen = (values - response_of_any @ (response_of_any.T @ values) for values in (wrench, before))
+    n, steps = len(problem.wrench), [each.columns for each in problem.kernels.drifts if each.first_after is not None]
+    if not steps or n < FEWEST_FOR_STEP:
+        return np.zeros(n, dtype=bool)
+    r = gravity_in_flange(problem.R_base_flange, problem.question.gravity_direction)
+    before, of_any_tool = np.hstack(steps), np.linalg.qr(np.column_stack([np.ones(n), r])).Q
+    wrench = problem.wrench / np.sqrt(relative_variances(problem.question.noise))
+    left, seen = (values - of_any_tool @ (of_any_tool.T @ values) for values in (wrench, before))
     by_step = np.sum((seen.T @ left) ** 2, axis=1) / np.maximum(np.sum(seen**2, axis=0), 1e-6)
     best = int(np.argmax(by_step))
     return np.asarray((before[:, best] > 0.5) & (by_step[best] > MOST_OF_IT * np.sum(left**2)))

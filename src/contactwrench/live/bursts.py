@@ -27,6 +27,8 @@ before the gap, and waited. So it is for `LATE`, and until as much has come earl
 periods no more than was taken meanwhile, by this factor and one: a network that was held up brought a queue of half a
 second in one or two, and each sample of it was taken for one of now. At 1.12 times its pace none is told.
 """
+DRAINED = 5.0
+"""s behind a gap, after which no sample waited: a stream that comes faster than before has another rate."""
 
 
 class Waited:
@@ -35,7 +37,7 @@ class Waited:
     def __init__(self) -> None:
         self._arrived, self._begin, self._usual = -inf, -inf, inf
         self._gap = self._queued = 0.0
-        self._came = 0
+        self._came, self._end = 0, -inf
 
     def took(self, arrival: float, usual: float) -> float:
         """How long the gap was, s, in which a sample may have waited, that came where they come every `usual` s; 0:
@@ -44,7 +46,9 @@ class Waited:
         gap, self._arrived = arrival - self._arrived, arrival
         if max(LATE, GAP * usual) < gap < inf:
             self._gap, self._usual, self._begin, self._came = gap, usual, arrival, 0
-            self._queued = gap - usual
+            self._queued, self._end = gap - usual, arrival + DRAINED
+        elif arrival >= self._end:
+            self._gap = 0.0
         elif self._gap and (passed := arrival - self._begin) >= LATE:
             came_early = self._came * self._usual - passed
             if came_early >= self._queued - 0.5 * self._usual:  # all of it has come

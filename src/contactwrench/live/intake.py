@@ -77,6 +77,7 @@ class Intake:
         self._rate = Rate(None if about.replay else about.rate, t + BACKLOG)  # a recording is played at any
         self.clock.reset()
         self._bursts, self._in_bursts, self._settled = Bursts(), False, t + BACKLOG
+        self._usual, self._waited = inf, Waited()
         settings = "".join(f"; {name}: {value}" for name, value in about.settings.items())
         return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected{settings}")
 

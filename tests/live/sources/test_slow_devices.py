@@ -125,10 +125,10 @@ def answer(number: int) -> bytes:
 def test_an_answer_to_an_earlier_question_is_late() -> None:
     """A gateway that is behind answers what was asked half a second ago, for ever, and it looked like now."""
     decoder, batch = Ft300Decoder(serial=False), Batch()
-    decoder.number = 7
-    for number in (5, 6, 7):
+    decoder.unanswered = {(5).to_bytes(2), (6).to_bytes(2)}
+    for number in (5, 6, 7, 0):  # 0: of a gateway that says no number
         decoder.feed(answer(number), 1.0, batch)
-    assert [sample.flaw for sample in batch.samples] == [OLD, OLD, ""]
+    assert [sample.flaw for sample in batch.samples] == [OLD, OLD, "", ""]
     assert (
         OLD == "late: it answers a question of 0.5 s ago or more: let one program alone ask, or take a faster gateway"
     )
@@ -144,3 +144,18 @@ def test_a_gateway_that_is_behind_is_not_believed() -> None:
         source.close()
     assert len(slow) > 2
     assert {sample.flaw for sample in slow[1:]} == {OLD}
+
+
+def test_a_gateway_that_was_behind_once_is_believed_again() -> None:
+    """After one stall each answer was taken for that to the question before, for ever."""
+    with Ft300(numbered()) as fake:
+        source = source_of(fake.uri)
+        source.open()
+        fake.late(0.8)
+        read(source, 0.3)
+        fake.late(0.0)
+        read(source, 1.2)
+        after = read(source, 0.5).samples
+        source.close()
+    assert len(after) > 10
+    assert not any(sample.flaw for sample in after)

@@ -36,8 +36,9 @@ class Ft300Decoder:
     """Answers to samples: those of TCP have a head with a number, those of a serial line a sum."""
 
     def __init__(self, serial: bool) -> None:
-        self._serial, self._buffer, self.number = serial, b"", 0
-        """The last question's, by TCP."""
+        self._serial, self._buffer = serial, b""
+        self.unanswered = set[bytes]()
+        """Numbers of earlier questions, by TCP: some gateways do not say which one they answer."""
         self._before, self._after = (0, 2) if serial else (6, 0)
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
@@ -51,8 +52,9 @@ class Ft300Decoder:
             else:
                 fx, fy, fz, tx, ty, tz = _registers.unpack_from(buffer, start + len(ANSWER))
                 wrench = 0.01 * fx, 0.01 * fy, 0.01 * fz, 0.001 * tx, 0.001 * ty, 0.001 * tz
-                old = not self._serial and buffer[max(start - 6, 0) : start - 4] != self.number.to_bytes(2)
-                batch.samples.append(Sample(arrival, wrench=wrench, flaw=OLD if old else ""))
+                number = buffer[max(start - 6, 0) : max(start - 4, 0)]
+                batch.samples.append(Sample(arrival, wrench=wrench, flaw=OLD if number in self.unanswered else ""))
+                self.unanswered.discard(number)
             self._note_garbage(max(start - self._before, 0), batch)
             buffer = buffer[end + self._after :]
         keep = size + self._before + self._after
@@ -151,7 +153,7 @@ class Ft300(Reader[Tcp | Serial]):
         unread = self._unread
         batch = super().read(min(timeout, WITHIN) if self._path else timeout)
         self._heard = monotonic() if self._unread > unread else self._heard
-        if batch.samples:
+        if any(sample.flaw != OLD for sample in batch.samples):
             self._asked, self._due = False, max(self._due + 1.0 / RATE, monotonic() - 1.0 / RATE)
         elif self._path and (batch.notes or self._sent < self._heard < monotonic() - WITHIN):
             while self._link.receive(0.0):
@@ -163,9 +165,10 @@ class Ft300(Reader[Tcp | Serial]):
         return batch
 
     def _ask(self) -> None:
+        if self._asked:
+            self._answers.unanswered.add(self._number.to_bytes(2))
         self._number = (self._number + 1) % 0x1_0000
         head = b"" if self._path else Struct(">HHH").pack(self._number, 0, len(QUESTION))
-        self._answers.number = self._number
         self._link.send(head + QUESTION + (crc(QUESTION) if self._path else b""))
         self._asked, self._sent = True, monotonic()
 

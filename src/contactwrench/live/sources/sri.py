@@ -26,7 +26,7 @@ CHANNELS = "SGDM=(A01,A02,A03,A04,A05,A06);E;1;(WMA:1)"
 EXPECTED = "ACK+ and a value, as an SRI box answers"
 OBEYS = 0.3
 """s for a command that an older box may not know, and twice as long as the first two took, which all boxes know: on a
-slow network too its rate is to be heard. All of them fit into what `open` may take.
+slow network too its rate is to be heard. What `open` may take is the end of it.
 """
 
 
@@ -105,24 +105,26 @@ class Sri(Reader[Tcp]):
         self._link.send(b"AT+GSD=STOP\r\n")
         address = self._ask("EIP=?", deadline, needed=True)
         self._obeys = OBEYS + 2.0 * (monotonic() - begun)
-        rate = self._set_rate()
+        rate = self._set_rate(deadline)
         settings = {"address of the box": address or "not told"}
         zero = self._zero and not self._zeroed
         for command in (CHANNELS, "DCKMD=SUM", *(["ADJZF=1;1;1;1;1;1"] if zero else [])):
-            settings[command] = (
-                "done" if self._ask(command, self._link.deadline(self._obeys)) else "not confirmed by the box"
-            )
+            settings[command] = "done" if self._ask(command, self._soon(deadline)) else "not confirmed by the box"
         settings |= {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
         self._zeroed = self._zero
         self._begin(SriDecoder(rate or self._asked or USUAL_RATE))
         self._link.send(b"AT+GSD\r\n")
         return About("SRI M8128", wrench=True, orientation=False, rate=self._asked or rate, settings=settings)
 
-    def _set_rate(self) -> float | None:
+    def _soon(self, deadline: Deadline) -> Deadline:
+        """For a command that an older box may not know."""
+        return self._link.deadline(min(self._obeys, deadline.left))
+
+    def _set_rate(self, deadline: Deadline) -> float | None:
         """What the box says its rate is; older boxes call it by another name."""
         wanted = f"{self._asked:g}" if self._asked else "?"
         for name in ("SMPF", "SMPR"):
-            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", self._link.deadline(self._obeys)))
+            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", self._soon(deadline)))
             if found:
                 return float(found[0]) or None
         return None
