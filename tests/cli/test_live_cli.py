@@ -216,7 +216,7 @@ def test_a_session_runs_before_other_programs_where_it_may(
     monkeypatch.setattr(os, "getpriority", lambda *_: nice)
     monkeypatch.setattr(os, "sched_setscheduler", ask)
     monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: seen.append(policies[-1]))
-    monkeypatch.setattr("contactwrench.cli.live_before.compiled", lambda _: None)  # a thread of its own
+    monkeypatch.setattr("contactwrench.cli.live_before.compile_now", lambda _: None)  # a thread of its own
     arguments = ("--sensor", devices[0], "--robot", devices[1], "-c", calibration, "--no-page")
     with nothing_left():
         assert run(capsys, "live", *arguments).status == 0

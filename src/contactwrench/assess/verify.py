@@ -141,12 +141,12 @@ def verify(
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
     weighings, weighed = _weigh(calibration, samples, load, g)
     unloaded = samples.select(load == 0.0)
-    free, dead = recorded_poses(unloaded, 0, is_stream(samples)), tuple[Finding, ...]()
+    free = recorded_poses(unloaded, 0, is_stream(samples))
     poses = free.poses
     residuals, bias = np.empty((0, 6)), None
     tests = {} if weighed is None else {"error of the weighings": weighed}
     if poses:
-        dead = dead_channels(unloaded, calibration.gravity_direction)
+        no_readings = dead_channels(unloaded, calibration.gravity_direction)
         R = np.array([pose.R_base_flange for pose in poses])
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
         noise, dof = reading_variance(calibration, poses), noise_dof(calibration)
@@ -159,13 +159,13 @@ def verify(
         named: tuple[Finding, ...] = ()
         if (
             bias is not None
-            and not dead
+            and not no_readings
             and max(whole.probability, bias.rest_probability) < SIGNIFICANCE
             and not bias.with_other
         ):
             names = names_of(poses, 0.0 if samples.t is None else samples.t[0])
             named = apart(calibration, residuals, R, noise, whole.dof, names, free.lag, bias.with_any)
-        findings += dead or named or ([] if bias is None or bias.finding is None else [bias.finding])
+        findings += no_readings or named or ([] if bias is None or bias.finding is None else [bias.finding])
         if bias is not None and _moves_so(calibration, bias):
             rest = MisfitTest(bias.rest_chi2, whole.readings - 6, whole.dof)
             tests["residual less a bias that moves, as seen while calibrating,"] = rest

@@ -132,7 +132,7 @@ def live(
             before.compile(LOADED)  # before anything comes that could not be taken meanwhile
         readers = {role: _read(source, role, len(sources) == 1, stack, before) for role, source in sources.items()}
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
-        before.compiled()
+        before.wait_until_compiled()
         if known is not None and not at_sensor.replay:
             require_devices(known, str(calibration), at_sensor, at_arm)
         session = Session(

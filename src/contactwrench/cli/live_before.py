@@ -44,7 +44,7 @@ def say(as_json: bool, in_words: bool, said: Said) -> None:
         options.say(f"{when}  {'' if said.severity == 'note' else said.severity + ': '}{where}{said.text}", err=True)
 
 
-def compiled(aside: Callable[[], None] | None) -> None:
+def compile_now(aside: Callable[[], None] | None) -> None:
     """Compile the step, where there is a compiler, after `aside`."""
     from ..compensate.runner import compiled
 
@@ -84,7 +84,7 @@ class Before:
         self._told: list[Said] = []
         self._server: Server | None = None
         self._is_open, self._ended = False, Event()
-        self._compiles = Thread(target=lambda: compiled(aside), name="compiles", daemon=True)
+        self._compiles = Thread(target=lambda: compile_now(aside), name="compiles", daemon=True)
         self._shows = Thread(target=self._show, name="before a session", daemon=True)
 
     def __enter__(self) -> Self:
@@ -102,7 +102,7 @@ class Before:
         if seconds and self._compiles.is_alive():
             self.tell("compiling", COMPILES, on_terminal=False)
 
-    def compiled(self) -> None:
+    def wait_until_compiled(self) -> None:
         """Wait until the step is compiled, where that was begun."""
         if self._compiles.ident is not None:
             self._compiles.join()

@@ -142,14 +142,14 @@ def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby:
     J = wrench_jacobian(tool, problem.R_base_flange[kept], problem.names)
     linear = Linear(J, problem.errors(tool)[kept], problem.columns, tool.weight, table.priors, problem.noise)
     base = AlikeOnAxes(kept, problem.relative, m.variance[table.best], np.zeros((len(kept), 0)), 0.0)
-    log_odds, untouched = float(np.log(ODDS / len(problem.robot))), m
+    log_odds_of_turns, untouched = float(np.log(ODDS / len(problem.robot))), m
     for robot, alike in enumerate(problem.robot):
         turns = turns_across_gravity(tool, problem.R_base_flange, alike, kept)
         before = None if nearby is None else nearby.members.select(nearby.members.robot == robot)
         for k, optimum in likely_with(linear, base, turns, problem.kernels, untouched, among, before):
             own = optimum.V.base
             size = problem.kernels.log_plausible(np.array([k]), np.array([own.strength]), own.of_forces, tool.weight)
-            log_prior = log_odds + float(size[0] + problem.kernels.log_prior[k])
+            log_prior = log_odds_of_turns + float(size[0] + problem.kernels.log_prior[k])
             strengths = problem.kernels.drifts[problem.kernels.drift[k]].strengths
             m = m.joined(members_of(linear, optimum, k, strengths, log_prior, robot))
     return replace(table, members=_near(m))

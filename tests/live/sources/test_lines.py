@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from contactwrench.live.intake import NEVER_KNOWN, Intake
 from contactwrench.live.source import Batch, DeviceError, NoteKind, Sample
+from contactwrench.live.sources import datagrams
 from contactwrench.live.sources.lines import LinesDecoder
 from contactwrench.live.uri import source_of
 from contactwrench.recording.tables.columns import Naming
@@ -333,8 +334,11 @@ def test_a_socket_for_each_line_is_one_sender() -> None:
 
 
 @pytest.mark.parametrize("at_once", [False, True])
-def test_a_program_that_begins_anew_is_taken_from_its_new_port_soon(at_once: bool) -> None:
+def test_a_program_that_begins_anew_is_taken_from_its_new_port_soon(
+    at_once: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A robot that is not answered for a second stops. Two at once are another matter."""
+    monkeypatch.setattr(datagrams, "GONE", 0.15)  # a pause of this machine is none of a program
     source = source_of(f"udp://:{(port := free_port())}")
     old, new = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
 
@@ -362,7 +366,8 @@ def test_a_program_that_begins_anew_is_taken_from_its_new_port_soon(at_once: boo
     assert bool(came.notes) == at_once
 
 
-def test_two_programs_that_begin_together_are_soon_told_apart() -> None:
+def test_two_programs_that_begin_together_are_soon_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(datagrams, "GONE", 1.0)  # a pause of this machine is none of a program
     first, other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
     source = source_of(f"udp://:{(port := free_port())}")
     with first, other, ThreadPoolExecutor(1) as pool:

@@ -153,7 +153,7 @@ def test_a_gateway_that_was_behind_once_is_believed_again() -> None:
         source.open()
         fake.late(0.8)
         read(source, 0.3)
-        fake.late(0.0)
+        fake.late(0.015)
         read(source, 1.2)
         after = read(source, 0.5).samples
         source.close()
