@@ -111,10 +111,12 @@ def test_several_episodes_are_named_with_the_flag(tmp_path: Path, capsys: pytest
         assert str(none.value) == (
             f"{path}: found no episode 9, expected one that is there, as 0, 1, 4: choose with --episode"
         )
-    for verb, of_no_tool, quickly in (("calibrate", 1, ("--model", "mount")), ("diagnose", 0, ())):
+    for verb, of_no_tool, quickly in (("calibrate", {1, 2}, ("--model", "mount")), ("diagnose", {0}, ())):
         assert run(capsys, verb, path).complaint == str(several.value)
         assert run(capsys, verb, path, "--episode", "9").complaint == str(none.value)
-        assert run(capsys, verb, path, "--episode", "1", *quickly).status == of_no_tool
+        done = run(capsys, verb, path, "--episode", "1", *quickly)  # noise: a bad fit, or refused, as it falls
+        assert done.status in of_no_tool
+        assert "episode" not in done.err
 
 
 def test_the_only_episode_needs_no_flag_and_a_flag_needs_episodes(tmp_path: Path) -> None:

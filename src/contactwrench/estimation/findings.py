@@ -262,16 +262,16 @@ def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:
     n = len(readings)
     A = np.column_stack([gravity_in_flange(readings.R_base_flange, fit.gravity_direction), np.ones(n)])
     whitened = fit.beyond_robot / fit.noise
-    rest = max(float(np.sum((whitened - A @ np.linalg.lstsq(A, whitened, rcond=None)[0]) ** 2)), 1e-300)
+    rest = float(np.sum((whitened - A @ np.linalg.lstsq(A, whitened, rcond=None)[0]) ** 2))
     gain = float(np.sum(whitened**2)) - rest
     dof, added = 6.0 * n - AFFINE_PARAMETERS, AFFINE_PARAMETERS - RIGID_PARAMETERS
-    shows = n >= FEWEST_POSES_FOR_MATRIX and float(fdtrc(added, dof, gain / added / (rest / dof))) <= SIGNIFICANCE
+    left = max(rest / max(dof, 1.0), float(np.mean(readings.least_variance / fit.noise**2)))
+    shows = n >= FEWEST_POSES_FOR_MATRIX and float(fdtrc(added, dof, gain / added / left)) <= SIGNIFICANCE
     B = np.asarray(np.linalg.lstsq(A, readings.wrench - fit.change[fit.kept], rcond=None)[0].T, dtype=np.float64)
     values = ", ".join(f"{value:.4g}" for value in np.linalg.svd(B[:3, :3], compute_uv=False))
     text = (
         f"no rigid tool explains these readings (chance under 0.1 %): their force matrix has the singular values "
-        f"{values} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare "
-        "--model affine"
+        f"{values} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare --model affine"
     )
     return shows, DOUBTFUL, Kind.CROSS_TALK, text
 

@@ -206,7 +206,8 @@ def stated_noise(noise: NoiseLike) -> StatedNoise | None:
     """The noise of one pose's reading from what the user states of it, or None. Raises `InputError`."""
     if noise is None:
         return None
-    values = with_torques(noise.wrench if isinstance(noise, Samples) else noise)
+    given = noise.wrench if isinstance(noise, Samples) else noise
+    values = with_torques(given if isinstance(given, str) else numbers(given, "noise"))
     if values.ndim == 2 and values.shape[1] == 6 and len(values) >= 2:
         values = values.std(axis=0, ddof=1)
     if values.shape != (6,) or len(NOISE_OF_AXIS.outside(values)):

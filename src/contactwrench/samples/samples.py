@@ -24,6 +24,7 @@ LARGEST_READING = READING.most
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
 CODES, CODE_BEYOND = 10.0 ** np.arange(3, 10) - 1.0, 5.0
 """What stands for no number, 999 to 999999999; and times the largest other number of its column."""
+NOT_KNOWN = "delay_std", np.inf  # of two clocks
 SPIKE, SPIKE_OF_SPAN, SPAN_LEAST, AGREE = 30.0, 0.5, 0.05, 0.1
 """Times the usual jump from row to row, and of what the channel spans but for so much at each end: a spike jumps
 further, and its neighbours differ by no more of it than that. Of nine measured recordings one has any, 5 in contact.
@@ -117,7 +118,8 @@ class Samples(Rows):
         require_axes(self.wrench)
         super().__post_init__()
         for name in ("delay", "delay_std", "pose_period", "accelerometer_period"):
-            if (stated := getattr(self, name)) is not None:
+            stated = getattr(self, name)
+            if stated is not None and (name, stated) != NOT_KNOWN:
                 TIME.require(stated, name)
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
         for name, within in ranges.items():
