@@ -283,11 +283,13 @@ def test_who_wants_no_motion_gets_two_frames_a_second(browser: Any) -> None:
     server.close()
 
 
-@pytest.mark.parametrize("kind", ["compiling", "waiting"])
-def test_what_is_waited_for_before_a_session_is_the_instruction(browser: Any, kind: str) -> None:
+@pytest.mark.parametrize(
+    ("kind", "instruction"), [("compiling", "The session begins soon."), ("waiting", "Nobody sends yet.")]
+)
+def test_what_is_waited_for_before_a_session_is_the_instruction(browser: Any, kind: str, instruction: str) -> None:
     connecting = Device("udp://:9000", "sensor and robot", "", "connecting", "", None, None, 0, 0, 0, 0, None, None)
     before = Event(T0, kind, "note", "what is waited for")
     now = msgspec.structs.replace(snapshot(Phase.CONNECT), devices=(connecting,), commands=(), events=(before,))
     with showing(now) as (_, server), opened(browser, server.url) as page:
-        assert seen(page, "#instruction", "The session begins soon.")
+        assert seen(page, "#instruction", instruction)
         assert seen(page, "main", "what is waited for")

@@ -80,18 +80,18 @@ class Before:
         serve: Callable[[], Server] | None,
         aside: Callable[[], None] | None,
     ) -> None:
-        self._printed, self._devices, self._hub, self._serve = printed, devices, hub, serve
+        self._printed, self._devices, self._hub, self._served_by = printed, devices, hub, serve
         self._told: list[Said] = []
         self._server: Server | None = None
-        self._is_open, self._ended = False, Event()
+        self._is_told, self._begun = False, Event()
         self._compiles = Thread(target=lambda: compile_now(aside), name="compiles", daemon=True)
-        self._shows = Thread(target=self._show, name="before a session", daemon=True)
+        self._snapshots = Thread(target=self._publish, name="before a session", daemon=True)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._end()
+        self._stop_publishing()
         if self._server is not None:
             self._server.close()
 
@@ -113,40 +113,40 @@ class Before:
         self._told.append(said := Said(now(), kind, "note", text, device))
         say(as_json, in_words and (on_terminal or not sys.stderr.isatty()), said)
         self.serve()
-        self._open()
-        if self._server is not None and not self._shows.is_alive():
-            self._shows.start()
+        self._tell_place()
+        if self._server is not None and not self._snapshots.is_alive():
+            self._snapshots.start()
 
     def serve(self) -> None:
         """Serve the page, where there is one."""
-        if self._serve is not None and self._server is None:
-            self._server = self._serve()
+        if self._served_by is not None and self._server is None:
+            self._server = self._served_by()
 
-    def _open(self) -> None:
+    def _tell_place(self) -> None:
         """Say where the page is, once."""
-        if self._server is not None and not self._is_open:
-            self._is_open = True
+        if self._server is not None and not self._is_told:
+            self._is_told = True
             options.say(f"Open {self._server.url}")
             sys.stdout.flush()
 
     def end(self, readers: Iterable[Reader]) -> None:
         """The session begins, and is what is shown; what its readers took while something was said is old."""
-        self._end()
-        self._open()
+        self._stop_publishing()
+        self._tell_place()
         for reader in readers if self._told else ():
             reader.forget()
 
-    def _end(self) -> None:
-        self._ended.set()
-        if self._shows.ident is not None:
-            self._shows.join()
+    def _stop_publishing(self) -> None:
+        self._begun.set()
+        if self._snapshots.ident is not None:
+            self._snapshots.join()
 
-    def _show(self) -> None:
+    def _publish(self) -> None:
         from ..live.session import Session
 
         named: dict[str, Any] = {"robot": None, **{role: source.uri for role, source in self._devices.items()}}
         session = Session(**named)
-        while not self._ended.is_set():
+        while not self._begun.is_set():
             shown = msgspec.structs.replace(session.snapshot(now()), commands=(), events=tuple(self._told))
             self._hub.publish(msgspec.json.encode(shown))
-            self._ended.wait(EVERY)
+            self._begun.wait(EVERY)

@@ -53,6 +53,11 @@ class AlikeOnAxes:
     strength: float
 
     @cached_property
+    def relative_of_kept(self) -> Array:
+        """(m,)."""
+        return self.relative[self.kept]
+
+    @cached_property
     def drift(self) -> Array:
         """What the poses kept have in common, (m, q), alike on each axis, as independent parts of unit size."""
         return self.strength * self.columns[self.kept]
@@ -60,13 +65,13 @@ class AlikeOnAxes:
     def precision_times(self, values: Array) -> Array:
         """`V^-1 values` of the poses kept, (m, 6, c)."""
         flat = values.reshape(len(values), -1)
-        weighted = precision_times(self.drift, self.relative[self.kept], flat)
+        weighted = precision_times(self.drift, self.relative_of_kept, flat)
         return np.asarray(weighted.reshape(values.shape) / self.variance[:, None])
 
     @property
     def precision_blocks(self) -> Array:
         """The blocks (m, 6, 6) of V^-1 on its diagonal."""
-        diagonal = precision_diagonal(self.drift, self.relative[self.kept])
+        diagonal = precision_diagonal(self.drift, self.relative_of_kept)
         return np.asarray(diagonal[:, None, None] * np.diag(1.0 / self.variance))
 
     @property
@@ -153,10 +158,8 @@ class Turned:
     def first_covariance(self) -> Array:
         """Of noise and drift, (m, m), alike on all axes; or of noise and turns of each pose, (m, 6, 6)."""
         if self.drift_first:
-            return np.diag(self.base.relative[self.base.kept]) + self.base.drift @ self.base.drift.T
-        return self.base.relative[self.base.kept][:, None, None] * np.eye(6) + self.turned @ self.turned.transpose(
-            0, 2, 1
-        )
+            return np.diag(self.base.relative_of_kept) + self.base.drift @ self.base.drift.T
+        return self.base.relative_of_kept[:, None, None] * np.eye(6) + self.turned @ self.turned.transpose(0, 2, 1)
 
     @cached_property
     def first_precision(self) -> Array:
@@ -205,7 +208,7 @@ class Turned:
         """Each part of V times `values` (m, 6), in units of the noise, (m, 6, 8): noise of the axes, drift, turns."""
         parts = np.zeros((*values.shape, 8))
         parts[:, :, 6] = self.base.drift @ (self.base.drift.T @ values)
-        parts[:, range(6), range(6)] = self.base.relative[self.base.kept][:, None] * values
+        parts[:, range(6), range(6)] = self.base.relative_of_kept[:, None] * values
         turned = self.turned.transpose(0, 2, 1) @ values[..., None]
         if self.turns.root is not None:
             turned = (self.turns.root @ (self.turns.root.T @ turned.ravel())).reshape(turned.shape)

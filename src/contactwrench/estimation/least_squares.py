@@ -79,7 +79,9 @@ def _centred(rows: Array, variance: Array) -> Array:
 
 
 def log_odds(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDArray[np.bool_], steady: Members) -> Array:
-    """Of kernels of one column against a `steady` bias (k,), axes apart, the noise of each as it is left; else inf."""
+    """Of each kernel (k,) with one column against the `steady` member, without priors of the axes, the noise of each as
+    it is left beside the column; inf of the others. Rows X (m, 15) of the poses kept, W (6, p + 1, 15), as of moments.
+    """
     odds, columns = np.full(len(kernels.drift), np.inf), np.array([drift.columns.shape[1] for drift in kernels.drifts])
     single = np.flatnonzero(columns[kernels.drift] == 1)
     drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)

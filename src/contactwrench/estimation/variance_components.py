@@ -126,7 +126,7 @@ def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Opti
     dof = np.zeros(8)
     along = (V.base.drift.T @ of_J.reshape(m, -1)).reshape(-1, 6, p)
     of_drift = V.dof_of_drift - ((along @ covariance) * along).sum(axis=(0, 2))
-    dof[:6] = V.base.relative[V.base.kept] @ (V.precision_diagonal - ((of_J @ covariance) * of_J).sum(axis=2))
+    dof[:6] = V.base.relative_of_kept @ (V.precision_diagonal - ((of_J @ covariance) * of_J).sum(axis=2))
     dof[6] = of_drift.sum()
     dof[7] = 6.0 * m - (covariance * total[:p, :p]).sum() - dof[:7].sum()
     prior = _prior(linear, V, usual_share)
@@ -276,7 +276,7 @@ def _of_pairs_turns_first(V: Turned, W: Array, known: Array) -> Array:
     the z' of another.
     """
     (m, q), c = V.base.drift.shape, V.columns.shape[2]
-    root = np.sqrt(V.base.relative[V.base.kept])[:, None, None]
+    root = np.sqrt(V.base.relative_of_kept)[:, None, None]
     each = np.concatenate([root * np.eye(6), V.turned], axis=2)  # the z (m, 6, 8) that each pose has for itself
     of_each = each.transpose(0, 2, 1) @ W
     own = each.transpose(0, 2, 1) @ V.first_precision @ each

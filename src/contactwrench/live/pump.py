@@ -104,7 +104,7 @@ class Reader:
         """Let go what came while something else was waited for, where that was more than can be taken: all of it is
         old, and the last of it is missing. What fits, as of a pipe, or a recording that waits itself, is kept.
         """
-        for _ in range(len(self._news) if self._full else 0):
+        for _ in range(len(self._news) if self._full else 0):  # turned once round: the thread goes on to put
             if not isinstance(news := self._news.popleft(), Batch):
                 self._news.append(news)
         self._taken, self._full = self._given if self._full else self._taken, 0

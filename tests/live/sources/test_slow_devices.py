@@ -125,13 +125,24 @@ def answer(number: int) -> bytes:
 def test_an_answer_to_an_earlier_question_is_late() -> None:
     """A gateway that is behind answers what was asked half a second ago, for ever, and it looked like now."""
     decoder, batch = Ft300Decoder(serial=False), Batch()
-    decoder.unanswered = {(5).to_bytes(2), (6).to_bytes(2)}
-    for number in (5, 6, 7, 0):  # 0: of a gateway that says no number
+    first, second, third = (int.from_bytes(decoder.number(unanswered)) for unanswered in (False, True, True))
+    for number in (first, second, third, 0):  # 0: of a gateway that says no number
         decoder.feed(answer(number), 1.0, batch)
     assert [sample.flaw for sample in batch.samples] == [OLD, OLD, "", ""]
     assert (
         OLD == "late: it answers a question of 0.5 s ago or more: let one program alone ask, or take a faster gateway"
     )
+
+
+def test_a_question_that_was_lost_makes_no_answer_late_when_its_number_comes_again() -> None:
+    """11 minutes later, at 100 a second."""
+    decoder, batch = Ft300Decoder(serial=False), Batch()
+    lost = decoder.number(False)
+    decoder.number(True)
+    while decoder.number(False) != lost:
+        pass
+    decoder.feed(answer(int.from_bytes(lost)), 1.0, batch)
+    assert [sample.flaw for sample in batch.samples] == [""]
 
 
 def test_a_gateway_that_is_behind_is_not_believed() -> None:

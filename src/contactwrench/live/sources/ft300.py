@@ -13,7 +13,7 @@ from .reader import Reader
 from .standard_input import StandardInput
 from .transport import Deadline, Tcp
 
-PORT, UNIT = 502, 9
+PORT, UNIT, NUMBERS = 502, 9, 0x1_0000
 RATE = 100.0
 RANGES = (300.0, 300.0, 300.0, 30.0, 30.0, 30.0)
 """N and N m (Robotiq's data sheet): what reads more, up to the 327 N of a register and no further, is no reading."""
@@ -37,9 +37,18 @@ class Ft300Decoder:
 
     def __init__(self, serial: bool) -> None:
         self._serial, self._buffer = serial, b""
-        self.unanswered = set[bytes]()
-        """Numbers of earlier questions, by TCP: some gateways do not say which one they answer."""
+        self._number, self._unanswered = 0, set[bytes]()
         self._before, self._after = (0, 2) if serial else (6, 0)
+
+    def number(self, unanswered: bool) -> bytes:
+        """Of the next question, by TCP; whether the one before is `unanswered`: its answer, which may come yet, is told
+        by its number, where a gateway says that.
+        """
+        if unanswered:
+            self._unanswered.add(self._number.to_bytes(2))
+        self._number = (self._number + 1) % NUMBERS
+        self._unanswered.discard(number := self._number.to_bytes(2))  # its last one was lost, minutes ago
+        return number
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
         """Put what is whole into the batch, and keep the rest."""
@@ -53,8 +62,8 @@ class Ft300Decoder:
                 fx, fy, fz, tx, ty, tz = _registers.unpack_from(buffer, start + len(ANSWER))
                 wrench = 0.01 * fx, 0.01 * fy, 0.01 * fz, 0.001 * tx, 0.001 * ty, 0.001 * tz
                 number = buffer[max(start - 6, 0) : max(start - 4, 0)]
-                batch.samples.append(Sample(arrival, wrench=wrench, flaw=OLD if number in self.unanswered else ""))
-                self.unanswered.discard(number)
+                batch.samples.append(Sample(arrival, wrench=wrench, flaw=OLD if number in self._unanswered else ""))
+                self._unanswered.discard(number)
             self._note_garbage(max(start - self._before, 0), batch)
             buffer = buffer[end + self._after :]
         keep = size + self._before + self._after
@@ -123,7 +132,7 @@ class Ft300(Reader[Tcp | Serial]):
         else:
             self._link.plug(self._path)
             settings |= self._stream_ended(deadline)
-        self._number, self._asked, self._due, self._heard = 0, False, monotonic(), 0.0
+        self._asked, self._due, self._heard = False, monotonic(), 0.0
         self._answers = Ft300Decoder(bool(self._path))
         self._begin(self._answers)
         self._first(deadline, lambda: self._link.silent("six Modbus registers from 180 on"))
@@ -165,10 +174,7 @@ class Ft300(Reader[Tcp | Serial]):
         return batch
 
     def _ask(self) -> None:
-        if self._asked:
-            self._answers.unanswered.add(self._number.to_bytes(2))
-        self._number = (self._number + 1) % 0x1_0000
-        head = b"" if self._path else Struct(">HHH").pack(self._number, 0, len(QUESTION))
+        head = b"" if self._path else self._answers.number(self._asked) + Struct(">HH").pack(0, len(QUESTION))
         self._link.send(head + QUESTION + (crc(QUESTION) if self._path else b""))
         self._asked, self._sent = True, monotonic()
 

@@ -109,7 +109,8 @@ const INSTRUCTIONS = {
     const waiting = now.devices.find((device) => device.state === "connecting");
     if (!now.devices.length) return ["No device is given.", "Start the program with --sensor and --robot."];
     const before = now.events.findLast((event) => event.kind === "compiling" || event.kind === "waiting");
-    if (waiting && before) return ["The session begins soon.", before.text];
+    const soon = before?.kind === "compiling" ? "The session begins soon." : "Nobody sends yet.";
+    if (waiting && before) return [soon, before.text];
     if (waiting) return [`Connecting to the ${waiting.role}.`, waiting.uri];
     if (!now.still) return ["Let the arm stand still.", now.moving];
     return ["The devices send. Go on.", "Look at the readings: at rest they should stand still too."];
