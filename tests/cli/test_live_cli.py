@@ -91,6 +91,9 @@ SCHEMES = ", ".join(each.scheme for each in known_sources())
          "found --from and --robot, expected one: a recording has both streams"),
         ("--sensor stdin: --wizard --no-page",
          "found --wizard and stdin:, expected one to read what comes in: use the page"),
+        ("--sensor sri://10.0.0.5?zero=1 --robot ur://10.0.0.6 -c a.json",
+         "found -c and zero=1, expected one: a box that zeroes itself anew is no longer at the calibration's zero; "
+         "leave zero=1 out, or calibrate anew"),
         ("--from a.csv --no-page",
          "found --no-page and no calibration, expected -c CAL.json, or --wizard"),
         ("--from a.csv", "a.csv: there is no such file, expected a readable file: check the path"),

@@ -95,7 +95,7 @@ def live(
     from ..live.session import Session
     from ..live.sink import open_sink
     from ..live.sinks.recorder import Recorder
-    from ..live.uri import sink_of
+    from ..live.uri import parsed, sink_of
     from .live_before import LOADED, Before, say
     from .live_lab import Hands
 
@@ -107,6 +107,11 @@ def live(
         (
             wizard and "stdin" in {str(uri).partition(":")[0] for uri in (sensor, robot)},
             "found --wizard and stdin:, expected one to read what comes in: use the page",
+        ),
+        (
+            calibration is not None and sensor is not None and parsed(sensor).options.get("zero") == "1",
+            "found -c and zero=1, expected one: a box that zeroes itself anew is no longer at the calibration's zero; "
+            "leave zero=1 out, or calibrate anew",
         ),
     )
     host, port = _address(listen)
