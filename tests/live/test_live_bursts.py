@@ -77,14 +77,15 @@ def test_a_burst_that_is_held_up_is_not_used_and_ends_nothing() -> None:
     assert [kind for kind, _ in said].count("bursts") == 2
 
 
-def test_stops_as_they_come_are_no_bursts_and_are_said_once() -> None:
+def test_stops_as_they_come_are_no_bursts_and_are_said_every_five_seconds() -> None:
     rng = np.random.default_rng(0)
     borders = np.cumsum(rng.uniform(0.06, 0.24, 60))
     due = np.arange(1, LASTS * RATE + 1) / RATE
     came = np.round(borders[np.searchsorted(borders, due)], 6)
     said = taken(came, own=False)[2]
-    assert [kind for kind, _ in said] == ["late"]
-    assert said[0][1].startswith("late: nothing for ")
+    assert [kind for kind, _ in said] == ["late", "late"]
+    assert all(text.startswith("late: nothing for ") for _, text in said)
+    assert said[1][1].endswith("samples were not used")
 
 
 class Untimed(TcpLines):

@@ -87,3 +87,15 @@ def test_a_turn_is_carried_on_to_a_late_pose_and_beyond_now_by_what_is_asked() -
     for t, now, known in ((0.05, 0.05, 0.03), (0.02, 0.02, 0.02), (0.042, 0.012, 0.042), (0.08, 0.05, 0.06)):
         found, _ = heard.at(newest + t, newest + now)
         assert (Rotation.from_quat(found).inv() * at(newest + known)).magnitude() < 1e-7
+
+
+def test_an_orientation_of_the_very_moment_is_known_however_seldom_they_come() -> None:
+    """A recording of one row a second has both in each row; in between nothing is known."""
+    heard = PoseTrack()
+    for k in range(5):
+        heard.add(float(k), quat(at(0.1 * k)), None)
+    for k in range(5):
+        found, age = heard.at(float(k), float(k))
+        assert (Rotation.from_quat(found).inv() * at(0.1 * k)).magnitude() < 1e-12
+        assert age == 0.0
+    assert isnan(heard.at(1.5, 1.5)[0][0])

@@ -193,3 +193,48 @@ def test_a_clock_is_known_that_runs_behind_a_busy_network(share: float) -> None:
         known = [clock.times([pair])[0][1] for pair in zip(came.tolist(), true.tolist(), strict=True)]
         assert not known[0]
         assert all(known[250:])
+
+
+@pytest.mark.parametrize("jitter", [0.0, 2e-3])
+@pytest.mark.parametrize("rate", [998.0, 990.0, 950.0, 905.0, 1050.0])
+def test_a_count_at_another_rate_than_is_said_is_told_as_it_passes(rate: float, jitter: float) -> None:
+    """A box that says 1000 Hz: too slow, its samples are late at first, then used again, and that is said once."""
+    rng, intake, counter = np.random.default_rng(5), Intake("sri://x", "sensor"), Counter(1e-3, 1 << 16)
+    intake.opened(About("a box", wrench=True, orientation=False, rate=1000.0), 0.0)
+    true: Array = np.arange(1, round(60.0 * rate)) / rate
+    came = np.maximum.accumulate(true + jitter * rng.random(len(true)))
+    unused, off, events = list[float](), list[float](), list[tuple[float, str, str]]()
+    for k, (t, arrival) in enumerate(zip(true.tolist(), came.tolist(), strict=True), start=1):
+        batch = Batch()
+        device = counter.take(k & 65535, arrival, batch)
+        assert device is not None
+        batch.samples.append(Sample(arrival, device, wrench=(0.0,) * 6))
+        ((told, sample),) = intake.take(batch)
+        if sample.flaw:
+            unused.append(t)
+        else:
+            off.append(abs(told - t))
+        events += [(event.t, event.kind, event.text) for event in intake.look(arrival)]
+    slow = rate < 1000.0
+    assert max(off) < LATE + 2e-3
+    assert max(off[-round(15.0 * rate) :]) < 2.5e-3
+    assert len(unused) < 0.04 * len(true)
+    assert not unused or max(unused) < 40.0
+    said = [text for _, kind, text in events if kind == "rate" and "slow" in text]
+    goes = f"its time goes {100.0 * (1.0 - rate / 1000.0):.2g} % slow, or what it sends waits ever longer"
+    assert said[:1] == [f"{goes}: check its rate, or let it stamp by a clock"] * slow
+    assert len(said) <= 2
+
+
+def test_samples_that_go_on_to_be_late_are_said_again_with_their_part() -> None:
+    """Behind a network that holds most of them up, one longer than the other."""
+    intake, true = Intake("udp://:1", "sensor"), 0.005 * np.arange(4_000)
+    intake.opened(About("lines", wrench=True, orientation=False), 0.0)
+    came = np.maximum.accumulate(true + np.random.default_rng(2).exponential(0.02, len(true)))
+    said = list[str]()
+    for t, arrival in zip(true.tolist(), came.tolist(), strict=True):
+        intake.take(Batch([Sample(arrival, t, wrench=(0.0,) * 6)]))
+        said += [event.text for event in intake.look(arrival) if event.kind == NoteKind.LATE]
+    assert said[0] == "late: came 0.05 s after it was taken"
+    assert "late: came 0.06 s after it was taken; 283 of the last 1024 samples were not used" in said
+    assert len(said) < 15

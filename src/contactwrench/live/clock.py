@@ -7,6 +7,7 @@ smallest delay itself, a fraction of a ms on a wire, cannot be seen, and is left
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from itertools import pairwise
 from math import inf, isnan
@@ -16,7 +17,12 @@ BIN, BINS = 0.5, 240
 LEAST_SPAN = 4.0
 """s: over less, jitter would make a rate."""
 FASTEST = 500e-6
-"""Of one clock against another: quartz does not differ by more."""
+"""Of one clock against another: quartz does not differ by more. A count whose rate is another than is said does, a
+program that adds up its pauses, or a simulation that falls behind: that shows when all samples come `LATE`.
+"""
+RECENT, STRAIGHT = (4, 8), 0.2
+"""The last smallest delays by which such a clock is told, at least and at most, and how far they may lie off a straight
+line, as a part of its rise: so no step, and no queue that soon is full."""
 LATE = 0.05
 """s by which a sample comes after it was taken beyond which it is not to be used: its time may be wrong. Where all come
 so late for a while the device's clock stood, or was set back, and times are told anew."""
@@ -36,7 +42,12 @@ AGAIN, OFTEN = 0.5, 5
 
 
 class Clock:
-    """Turns (arrival, device's time) of one device, in order, into times of arrival without the network's jitter."""
+    """Turns (arrival, device's time) of one device, in order, into times of arrival without the network's jitter.
+
+    Attributes:
+        pace: s that pass in one of the device's, where that is none of a quartz.
+        lateness: s by which samples come later than the soonest, on average.
+    """
 
     def __init__(self) -> None:
         self._began, self._beginnings = -inf, 0
@@ -50,9 +61,10 @@ class Clock:
     def reset(self) -> None:
         """The device's clock began anew."""
         self._bins: list[tuple[float, float]] = []
+        self._recent = deque[tuple[float, float]](maxlen=RECENT[1])
         self._bin = self._device = self._arrived = -inf
         self._least = (0.0, inf)
-        self._rate, self._line = 0.0, (0.0, inf)
+        self._rate, self._line, self.pace = 0.0, (0.0, inf), 1.0
         self._is_known, self._is_fast, self._fell, self._unknown_from = False, False, (inf, inf), inf
         self.lateness = 0.0
 
@@ -90,7 +102,9 @@ class Clock:
         yield stamps[begin:]
 
     def _see(self, arrival: float, device: float) -> None:
-        offset, self._device, self._arrived = arrival - device, device, arrival
+        self._device, self._arrived = device, arrival
+        device *= self.pace
+        offset = arrival - device
         self._unknown_from = min(self._unknown_from, arrival)
         if arrival >= self._bin + BIN:
             self._next_bin(arrival)
@@ -107,6 +121,7 @@ class Clock:
                 self._line = self._least
 
     def _time(self, arrival: float, device: float) -> float:
+        device *= self.pace
         t = arrival if isnan(device) else device + self._at(device)
         self.lateness += 0.01 * (arrival - t - self.lateness)
         return t
@@ -116,14 +131,36 @@ class Clock:
 
     def _next_bin(self, arrival: float) -> None:
         if self._least[1] < inf:
+            self._recent.append(self._least)
             if self._bins and self._least[1] - self._at(self._least[0]) > LATE:
                 self._bins.clear()
                 self._rate = 0.0
+                if rise := steady_rise(self._recent):
+                    self._paced(1.0 + rise)
             if not self._bins or self._least[0] > self._bins[-1][0]:  # else its clock stands
                 self._bins.append(self._least)
             del self._bins[:-BINS]
             self._rate, self._line = line_under(self._bins)
         self._bin, self._least = arrival, (0.0, inf)
+
+    def _paced(self, pace: float) -> None:
+        """Tell the device's times by another pace from here on."""
+        self.pace *= pace
+        device = self._least[0] * pace
+        moved = self._least[0] - device
+        self._least = (device, self._least[1] + moved)
+        self._fell = (self._fell[0], self._fell[1] + moved)
+        self._recent.clear()
+
+
+def steady_rise(recent: Sequence[tuple[float, float]]) -> float:
+    """The slope of (time, offset) that rise along a straight line, as those of a clock that is slow do; else 0."""
+    if len(recent) < RECENT[0]:
+        return 0.0
+    (begin, first), (end, last) = recent[0], recent[-1]
+    slope = (last - first) / max(end - begin, LEAST_SPAN * FASTEST)
+    off = max(abs(offset - first - slope * (time - begin)) for time, offset in recent)
+    return slope if off < STRAIGHT * (last - first) else 0.0
 
 
 def line_under(points: list[tuple[float, float]]) -> tuple[float, tuple[float, float]]:

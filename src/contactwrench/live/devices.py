@@ -11,7 +11,7 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..model import AXES
-from .intake import Windows
+from .rate import Windows
 from .source import About, Batch, DeviceError, EndOfStreamError, NobodyYetError, Source, now
 
 PROBE, COUNTED = (0.7, 0.2), 2

@@ -1,12 +1,7 @@
-"""One device of a session: when its samples were taken, how many and how fast they come, and what is wrong.
-
-Whether they come at the rate that was asked for is counted in windows that follow each other.
-"""
+"""One device of a session: when its samples were taken, how many and how fast they come, and what is wrong."""
 
 from __future__ import annotations
 
-from collections import deque
-from itertools import pairwise
 from math import inf, isfinite, isnan
 
 import numpy as np
@@ -15,6 +10,7 @@ from ..errors import InputError
 from ..samples.samples import LARGEST_READING
 from .bursts import Bursts, Waited
 from .clock import LATE, Clock
+from .rate import Rate
 from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
 
@@ -26,18 +22,14 @@ LOOK_EVERY = 0.02
 """s from one look at the device to the next: of the 130 us of a turn with one sample two looks were 22."""
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
+AGAIN = 5.0
+"""s after which samples that go on to be late are said again, and what part of all they are."""
 LEAST_STEP, BEHIND = 1e-6, 1e-4
 """s from one sample to the next: time goes on; and s by which one may lie before the last one, all the same: behind
 more the last one came so late that the time of neither is known.
 """
-SURELY, SOON = (0.5, 0.1), (0.12, 0.3)
-"""s of a window, and the part by which two of them are to be off: a rate that is far off is not waited for longer."""
-FEWEST = 10
-"""Samples that are to come in a window, which is longer for a slow device: one more or less makes no other rate."""
 REASONS = 4
 """For which a device is not there, that are said until it is: refused first, it may then be another one."""
-RIGHT = 0.5
-"""Of the part by which a rate is off: within it, it is right again. One at the limit is not said over and over so."""
 
 SEQUENCE = (tuple, list)
 NOTHING = (0.0,)
@@ -66,7 +58,8 @@ class Intake:
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
-        self._looked = self._noted = self._late = self._settled = -inf
+        self._looked = self._noted = self._late = self._said_late = self._settled = -inf
+        self._told, self._pace = (0, 0), 1.0
         self._has_time = False
 
     def opened(self, about: About, t: float) -> Event:
@@ -104,6 +97,7 @@ class Intake:
         times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples], anew)
         taken = []
         for (by_its_clock, is_known), sample in zip(times, batch.samples, strict=True):
+            self.samples += 1
             t, doubt = self._timed(by_its_clock, is_known, sample)
             self._newest = max(t, self._newest + LEAST_STEP)
             flaw = sample.flaw or _broken(sample) or doubt
@@ -113,7 +107,6 @@ class Intake:
             for what in self._last:
                 if flaw or getattr(sample, what) is not None:
                     self._last[what] = sample.arrival
-        self.samples += len(taken)
         return taken
 
     def _timed(self, t: float, is_known: bool, sample: Sample) -> tuple[float, str]:
@@ -143,9 +136,9 @@ class Intake:
         self.wrong += 1
         kind, is_again = sample.flaw.partition(":")[0], False
         if kind == NoteKind.LATE:
-            is_again = sample.arrival - self._late < SILENT and kind not in self._notes
+            is_again = sample.arrival - self._late < SILENT and sample.arrival - self._said_late < AGAIN
             self._late = sample.arrival
-        if not is_again:
+        if not is_again or kind in self._notes:
             self._note(kind, 1, sample.flaw)
 
     def look(self, t: float) -> list[Event]:
@@ -168,6 +161,12 @@ class Intake:
         if self.state == STREAMING and (found := self._rate.look(self.samples, self._arrived)) is not None:
             come = f"{found:.4g} samples a second come, {self._rate.asked:.4g} were asked for"
             events.append(self._event(t, "rate", "warning", f"{come}: check its settings and the network"))
+        if self.clock.pace > self._pace:
+            slow = (
+                f"its time goes {100.0 * (1.0 - 1.0 / self.clock.pace):.2g} % slow, or what it sends waits ever longer"
+            )
+            events.append(self._event(t, "rate", "warning", f"{slow}: check its rate, or let it stamp by a clock"))
+        self._pace = self.clock.pace
         if bool(self._bursts.period) is not self._in_bursts:
             self._in_bursts = not self._in_bursts
             events.append(self._of_bursts(t))
@@ -175,6 +174,10 @@ class Intake:
             self._noted = t
             for kind, (number, text) in self._notes.items():
                 many = f"{text} (and more: {number} in all)" if number > 1 and "missing" not in text else text
+                if kind == NoteKind.LATE:
+                    unused, of = self.wrong - self._told[0], self.samples - self._told[1]
+                    many += f"; {unused} of the last {of} samples were not used" if unused > number else ""
+                    self._said_late, self._told = t, (self.wrong, self.samples)
                 events.append(self._event(t, kind, "warning", many))
             self._notes.clear()
         return events
@@ -222,77 +225,3 @@ def _broken(sample: Sample) -> str:
     is_number = isfinite(sum(wrench) + sum(orientation))
     fine = is_number and max(wrench) <= LARGEST_READING and min(wrench) >= -LARGEST_READING
     return "" if fine else "broken: no number"
-
-
-class Windows:
-    """Samples counted in windows of at least `over` s, from one arrival to another, so that bursts count as what they
-    are. Their rate is `off` where two in a row differ from `asked`, Hz, by more than the part `by`, and less from each
-    other: a stall, the burst behind it and silence are no rate.
-
-    Attributes:
-        counted: how many of the last two have ended.
-        rate: Hz in them; None: not known yet.
-        off: whether it is another rate.
-        right: whether the last one has the rate that was asked for.
-    """
-
-    def __init__(self, asked: float | None, over: float, by: float) -> None:
-        self._asked, self._by = asked, by
-        self._over = over if asked is None else max(over, FEWEST / asked)
-        self.begin(-inf)
-
-    def begin(self, t: float) -> None:
-        """Count anew, from `t` s on."""
-        self._marks: deque[tuple[float, int]] = deque(maxlen=3)
-        self._due, self.counted, self.off, self.right = t, 0, False, False
-        self.rate: float | None = None
-
-    def look(self, samples: int, t: float) -> None:
-        """Count on; so many `samples` have come in all, the last of them at `t` s."""
-        if t < self._due or (self._marks and samples == self._marks[-1][1]):
-            return
-        self._due = t + self._over
-        self._marks.append((t, samples))
-        rates = [(after - before) / (end - begin) for (begin, before), (end, after) in pairwise(self._marks)]
-        if not rates:
-            return
-        self.counted, self.rate = len(rates), sum(rates) / len(rates)
-        if self._asked is not None:
-            errors = [rate / self._asked - 1.0 for rate in rates]
-            least = min(map(abs, errors))
-            self.right = abs(errors[-1]) < RIGHT * self._by
-            self.off = len(rates) == 2 and least > max(self._by, abs(errors[1] - errors[0])) and min(rates) > 0.0
-
-
-class Rate:
-    """The rate of a device, from `t` s on, against the one that was `asked` for, Hz; None: it is only counted.
-
-    Attributes:
-        hz: over the last second, or longer for a slow device; None: not known yet.
-    """
-
-    def __init__(self, asked: float | None, t: float) -> None:
-        self.asked = asked
-        self.hz: float | None = None
-        self._surely, self._soon = Windows(asked, *SURELY), Windows(asked, *SOON)
-        self.begin(t)
-
-    def begin(self, t: float) -> None:
-        """Count anew, from `t` s on."""
-        self._off: Windows | None = None
-        self._surely.begin(t)
-        self._soon.begin(t)
-
-    def look(self, samples: int, t: float) -> float | None:
-        """Count on, as `Windows` does. What comes, Hz, where that has become another rate than was asked for: said
-        once, until it is right again.
-        """
-        self._surely.look(samples, t)
-        self._soon.look(samples, t)
-        self.hz = self._surely.rate or self.hz
-        if self._off is None:
-            self._off = next((each for each in (self._soon, self._surely) if each.off), None)
-            return None if self._off is None else self._off.rate
-        if self._off.right:
-            self.begin(t)
-        return None

@@ -95,7 +95,7 @@ class PoseTrack:
             return UNKNOWN, inf
         before, after = poses[k - 1], poses[k]
         gap = after[0] - before[0]
-        if gap > self.stale_after:
+        if gap > self.stale_after and t > before[0]:  # else recorded together, however slowly
             return UNKNOWN, gap
         return between(before[1], after[1], (t - before[0]) / gap), 0.0
 
