@@ -11,8 +11,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from ...errors import FileFormatError
-from .text_cells import DECIMAL_COMMA, PERHAPS_THOUSANDS, cells, is_number, numbers_in, split
-from .units import UNITS, unit_of
+from .text_cells import (
+    DECIMAL_COMMA,
+    NO_TEXT,
+    PERHAPS_THOUSANDS,
+    cells,
+    is_number,
+    named_or_numbered,
+    numbers_in,
+    split,
+)
+from .units import UNITS, UNREADABLE, in_ascii, unit_of
 
 SEPARATORS = ("\t", ";", ",", " ")
 """A blank stands for any number of them."""
@@ -68,10 +77,13 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
     if any(_is_reading(split(header, mark), [split(line, mark) for line in data[:SAMPLE]]) for mark in SEPARATORS):
         return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
-    names = _names(header, separator, row, source)
+    names = named_or_numbered(_names(header, separator, row, source))
     if data and _are_units(units := split(data[0], separator), names):
-        units = [unit.strip("[]() ") for unit in units]
-        names = [f"{name} [{unit}]" if unit not in NO_UNIT else name for name, unit in zip(names, units, strict=True)]
+        units = [in_ascii(unit).strip("[]() ") for unit in units]
+        names = [
+            f"{name.removesuffix(f' [{UNREADABLE}]')} [{unit}]" if unit not in NO_UNIT else name
+            for name, unit in zip(names, units, strict=True)
+        ]
         row, data = rows[1][0], data[1:]
     return row, Layout(tuple(names), separator, _decimal(data, separator))
 
@@ -131,7 +143,11 @@ def _unit_in(remark: str) -> tuple[str, str, str] | None:
 
 
 def _words(remark: str) -> list[str]:
-    return re.findall(r"[\w·.*^°-]+", remark)
+    words = re.findall(r"[\w·.*^°-]+", remark)
+    if NO_TEXT.search(remark):  # a letter may be the half of a sign before it
+        apart = re.findall(r"[A-Za-z][A-Za-z-]+", remark)
+        words += [*apart, *(word[1:] for word in apart)]
+    return words
 
 
 def _is_reading(row: Sequence[str], below: Sequence[Sequence[str]]) -> bool:
@@ -155,7 +171,7 @@ def _named_by_comment(above: Sequence[str], data: Sequence[str], row: int, sourc
     """The layout of rows whose names stand in the last comment above them, as numpy.savetxt writes them, or nowhere."""
     comment = next((line.strip().lstrip("#% ") for line in reversed(above) if line.strip()), "")
     separator = _separator(comment, data[:SAMPLE])
-    names = _names(comment, separator, row, source)
+    names = named_or_numbered(_names(comment, separator, row, source))
     if len(names) > 1 and len(names) == len(split(data[0], separator)) and not any(map(is_number, names)):
         return Layout(tuple(names), separator, _decimal(data, separator))
     sample = data[: SAMPLE + 1]
@@ -201,7 +217,7 @@ def _separator(header: str, data: Sequence[str]) -> str:
 
 def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row is the units of the columns: each cell a word for a unit, empty, or in brackets and no number."""
-    words = [unit.strip("[]() ").lower().replace(" ", "") for unit in units]
+    words = [in_ascii(unit).strip("[]() ").lower().replace(" ", "") for unit in units]
     sure = all(
         _is_unit(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
         for word, unit in zip(words, (unit.replace(" ", "") for unit in units), strict=True)

@@ -45,7 +45,7 @@ from .columns import (
 )
 from .names import ESTIMATES, QUANTITIES
 from .orientations import orientation_columns
-from .units import stated_units, unit_of
+from .units import UNREADABLE, stated_units, unit_of
 
 WITHOUT_TIMES = "none"
 """What --time-column takes where a column that looks like times is to be left alone."""
@@ -221,7 +221,7 @@ def _stated_times(table: OpenTable, text: str, units: dict[str, str], taken: Col
     if found is None and unit_of("time", text.rpartition(":")[2]) is not None:
         name, _, spelled = text.rpartition(":")
         found, unit = named(table, name, "t", "time"), unit_of("time", spelled) or ""
-        others = {units.get("time"), found.said.unit if found is not None else None} - {None, "", unit}
+        others = {units.get("time"), found.said.unit if found is not None else None} - {None, "", unit, UNREADABLE}
         if others:
             raise InputError(
                 f"{table.source}: found --time-column in {unit}, and {others.pop()} in the column's name or --units, "

@@ -7,12 +7,31 @@ import re
 from collections.abc import Sequence
 
 from ...errors import FileFormatError
+from .units import UNREADABLE
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 PERHAPS_DOTTED = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 CLOCK = re.compile(r"\d[-/.:]\d+[-/.:]\d")
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[., '\u2019\u00a0\u202f]\d{3})+(?:[.,]\d+)?")
+
+NO_TEXT = re.compile("[\ufffd¡¢£¤¥¦¨©ª¬®¯¸¹¼½¾¿¶‚ƒ„†‡ˆ‰‹›]|[–—‘“”•˜™][À-ÿ]|[À-ÿ]{3}")
+"""What names of another code, as Shift JIS, GBK, EUC-KR, and Windows' 1251, become where it is not known and 1252 is
+taken for it, and what no name in that has. Brackets of full width always become so, and any unit in them.
+"""
+UNIT_AT_END = re.compile(r"[\[(]([\w\s/*.^%-]+)[\])]\s*$", re.ASCII)
+
+
+def named_or_numbered(names: Sequence[str]) -> list[str]:
+    """The columns' names; in a code that is not known, instead of one that nobody can read or type, its number, from 1,
+    with its unit: that which is in brackets and can be read, else `UNREADABLE`.
+    """
+    if not any(map(NO_TEXT.search, names)):
+        return list(names)
+    units = [UNIT_AT_END.search(name) for name in names]
+    known = [unit[1] if unit is not None else UNREADABLE for unit in units]
+    each = enumerate(zip(names, known, strict=True), start=1)
+    return [name if name.isascii() else f"{number} [{unit}]" for number, (name, unit) in each]
 
 
 def numbers_in(row: Sequence[str]) -> int:
