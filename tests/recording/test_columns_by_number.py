@@ -31,8 +31,12 @@ def with_first(first: str, separator: str = ",") -> str:
     return "".join(f"{first.format(k)}{separator}{line}\n" for k, line in enumerate(lines))
 
 
+def read(path: Path, **options: str) -> cw.Samples:
+    return cw.read(path, **options)  # type: ignore[arg-type]
+
+
 def assert_read(path: Path, **options: str) -> cw.Samples:
-    found = cw.read(path, **(options or BY_NUMBER))  # type: ignore[arg-type]
+    found = read(path, **(options or BY_NUMBER))
     assert found.wrench == pytest.approx(POSES.wrench, abs=1e-6)
     assert found.R_base_flange == pytest.approx(POSES.R_base_flange, abs=1e-6)
     return found
@@ -40,7 +44,7 @@ def assert_read(path: Path, **options: str) -> cw.Samples:
 
 def refusal(path: Path, **options: str) -> str:
     with pytest.raises(ContactWrenchError) as caught:
-        cw.read(path, **(options or BY_NUMBER))  # type: ignore[arg-type]
+        read(path, **(options or BY_NUMBER))
     assert "\n" not in str(caught.value)
     return str(caught.value).removeprefix(f"{path}: ")
 
@@ -163,7 +167,7 @@ def test_what_is_not_meant_so_is_refused(
 
 def test_units_are_stated(tmp_path: Path) -> None:
     path = written(tmp_path, "# Forces: lbf\n" + text())
-    found = cw.read(path, **BY_NUMBER, units="force=lbf,torque=Nm")
+    found = read(path, **BY_NUMBER, units="force=lbf,torque=Nm")
     assert found.wrench[:, :3] == pytest.approx(4.4482216152605 * POSES.wrench[:, :3], rel=1e-7)
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-import contactwrench as cw
 from contactwrench.errors import ContactWrenchError
 from contactwrench.recording.tables.text_cells import named_or_numbered
-from tests.recording.test_columns_by_number import BY_NUMBER, POSES, assert_read, refusal, text
+from tests.recording.test_columns_by_number import BY_NUMBER, POSES, assert_read, read, refusal, text
 from tests.support.recordings import run, written
 
 KGF = 9.80665
@@ -30,19 +29,19 @@ def table(force: str = "", torque: str = "", below: str = "") -> str:
 @CODES
 def test_columns_are_told_by_number_and_their_units_read_or_asked_for(tmp_path: Path, code: str) -> None:
     assert_read(written(tmp_path, table("(N)", "(N m)").encode(code)))
-    pounds = cw.read(written(tmp_path, table("[lbf]", "[Nm]").encode(code)), **BY_NUMBER)
+    pounds = read(written(tmp_path, table("[lbf]", "[Nm]").encode(code)), **BY_NUMBER)
     assert pounds.wrench[:, :3] == pytest.approx(4.4482216152605 * POSES.wrench[:, :3], rel=1e-7)
     for force, torque in (("", ""), ("（kgf）", "（kgf）"), ("〔kgf〕", "〔kgf〕")):
         path = written(tmp_path, table(force, torque).encode(code))
         assert refusal(path) == f"column 1 [no UTF-8]: {UNKNOWN} as UTF-8"
-        kgf = cw.read(path, **BY_NUMBER, units="force=kgf,torque=Nm")
+        kgf = read(path, **BY_NUMBER, units="force=kgf,torque=Nm")
         assert kgf.wrench[:, :3] == pytest.approx(KGF * POSES.wrench[:, :3], rel=1e-7)
 
 
 @CODES
 def test_a_row_of_units_below_such_names_is_read(tmp_path: Path, code: str) -> None:
     path = written(tmp_path, table(below="kgf,kgf,kgf,kgf cm,kgf cm,kgf cm,,,,\n").encode(code))
-    assert cw.read(path, **BY_NUMBER).wrench[:, :3] == pytest.approx(KGF * POSES.wrench[:, :3], rel=1e-7)
+    assert read(path, **BY_NUMBER).wrench[:, :3] == pytest.approx(KGF * POSES.wrench[:, :3], rel=1e-7)
 
 
 @CODES
@@ -76,10 +75,10 @@ def test_signs_of_full_width_are_read(tmp_path: Path, unit: str) -> None:
     """`力X（kgf）` was read as N."""
     names = {"wrench_columns": ",".join(name + unit for name in FORCES) + ",Mx,My,Mz", "units": "torque=Nm"}
     header = f"{names['wrench_columns']},qx,qy,qz,qw"
-    found = cw.read(written(tmp_path, f"{header}\n{text()}"), **names)
+    found = read(written(tmp_path, f"{header}\n{text()}"), **names)
     assert found.wrench[:, :3] == pytest.approx(KGF * POSES.wrench[:, :3], rel=1e-7)
     usual = f"Fx{unit},Fy{unit},Fz{unit},Mx（N・m）,My（N･m）,Mz【N·m】,qx,qy,qz,qw"
-    assert cw.read(written(tmp_path, f"{usual}\n{text()}")).wrench == pytest.approx(found.wrench)
+    assert read(written(tmp_path, f"{usual}\n{text()}")).wrench == pytest.approx(found.wrench)
 
 
 def test_info_lists_them_and_a_time_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -94,4 +93,4 @@ def test_info_lists_them_and_a_time_is_told(tmp_path: Path, capsys: pytest.Captu
     with pytest.raises(
         ContactWrenchError, match="column 1 \\[no UTF-8\\]: found a name that is no UTF-8 and may state"
     ):
-        cw.read(timed, **columns, time_column="1")
+        read(timed, **columns, time_column="1")
