@@ -39,6 +39,8 @@ OTHER_KINDS = {
     b"\xd0\xcf\x11\xe0": "an Excel workbook, expected text: export it as CSV",
     b"PAR1": "a Parquet file, expected text: name it .parquet",
     b"\x89HDF": "an HDF5 file, expected text: name it .h5",
+    b"MATLAB": "a MAT-file, expected text: name it .mat",
+    b"\x93NUMPY": "an array of numpy, expected text: write it with numpy.savetxt",
 }
 """By what they begin with."""
 
