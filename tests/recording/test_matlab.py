@@ -49,7 +49,7 @@ def assert_read(path: Path, **options: str) -> None:
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("name", ["run.mat", "run.h5"])
 def test_rows_and_columns_are_those_of_matlab(tmp_path: Path, name: str, packed: bool) -> None:
-    t: Array = np.arange(N)[:, None] * 0.5
+    t = np.arange(float(N))[:, None] * 0.5
     for wrench, quaternion, times in ((W, Q, t), (W.T, Q.T, t.T)):
         path = saved(tmp_path, {"W": wrench, "Q": quaternion, "t": times}, name, packed=packed)
         assert_read(path, **BY_NAME)

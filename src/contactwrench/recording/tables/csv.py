@@ -24,7 +24,7 @@ from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Column, Naming, 
 from .layout import Layout, is_row, layout_of, refuse_units_above
 from .text_cells import PERHAPS_DOTTED, cells, no_number, split, value
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".dat", "")
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", "")
 
 BOOLEANS = {"true": 1.0, "false": 0.0}
 POINT_FOR_COMMA = str.maketrans(",.", ".\0")

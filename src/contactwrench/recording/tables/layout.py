@@ -36,12 +36,19 @@ readings is taken for units.
 
 NO_UNIT = ("", "-", "1")
 
-MOST_REMARKS, FEWEST_NUMBERS = 50, 6
-"""Rows above the header; and numbers in a row, a wrench at least."""
+MOST_REMARKS, FEWEST_NUMBERS, ALIKE = 50, 6, 2
+"""Rows above the header; numbers in a row, a wrench at least; and rows below the first that are numbers too: LabVIEW
+writes two, X0 and Delta_X, of its own.
+"""
 
+COMMENT = "comment"
+"""Of the names in LabVIEW's files the last."""
 COLUMN_OF = {"force": "fx", "torque": "tx", "time": "t", "angle": "roll", "length": "x"}
 USUAL = ("N", "N m", "s", "deg", "m")
 """Columns by which a unit is shown, and the units of those that state none."""
+OF_FORCE, OF_TORQUE = re.compile("forc|kraft", re.IGNORECASE), re.compile("torque|moment", re.IGNORECASE)
+COUNTS = re.compile(r"\bcounts? (?:per|/)", re.IGNORECASE)
+"""Of numbers that are to be divided by as many."""
 OF_UNITS = re.compile(r"unit|einheit|pound|ounce|kilogram|\b(?:kg|oz|ozf)\b", re.IGNORECASE)
 """In a remark: that it states a unit, whether that is one which is known here or not."""
 
@@ -78,8 +85,9 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
         return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
     names = named_or_numbered(_names(header, separator, row, source))
+    names = _without_comment(names, len(split(data[0], separator))) if data else names
     if data and _are_units(units := split(data[0], separator), names):
-        units = [in_ascii(unit).strip("[]() ") for unit in units]
+        units = [UNREADABLE if NO_TEXT.search(unit) else in_ascii(unit).strip("[]() ") for unit in units]
         names = [
             f"{name.removesuffix(f' [{UNREADABLE}]')} [{unit}]" if unit not in NO_UNIT else name
             for name, unit in zip(names, units, strict=True)
@@ -89,19 +97,36 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
 
 
 def _below_remarks(rows: list[tuple[int, str]], source: str) -> list[tuple[int, str]]:
-    """The rows from the header on, the first with as many cells, most of them filled, as the first row of numbers:
-    loggers write of themselves above it. All rows where none is so. Raises `FileFormatError` for units up there.
+    """The rows from the header on, the first with as many cells, most of them filled, as the first row of numbers that
+    others follow: loggers write of themselves above it. All rows where none is so. Raises `FileFormatError` for units
+    up there.
     """
     each = ((k, mark, split(line, mark)) for k, (_, line) in enumerate(rows[:MOST_REMARKS]) for mark in SEPARATORS)
     k, mark, width = next(
-        ((k, mark, len(found)) for k, mark, found in each if numbers_in(found) >= FEWEST_NUMBERS), (0, "", 0)
+        (
+            (k, mark, len(found))
+            for k, mark, found in each
+            if numbers_in(found) >= FEWEST_NUMBERS
+            and all(
+                len(below) == len(found) and numbers_in(below) > 0
+                for below in (split(line, mark) for _, line in rows[k + 1 : k + 1 + ALIKE])
+            )
+        ),
+        (0, "", 0),
     )
     above = [split(line, mark) for _, line in rows[:k]]
     filled = [len(found) == width and sum(map(bool, found)) >= FEWEST_NUMBERS for found in above]
-    header = filled.index(True) if True in filled else k if k and _counts_on(split(rows[k][1], mark)) else 0
+    of_labview = [len(_without_comment(found, width)) == width and found[-1].lower() == COMMENT for found in above]
+    counted = [False] * k + [k > 0 and _counts_on(split(rows[k][1], mark))]
+    header = next((each.index(True) for each in (of_labview, filled, counted) if True in each), 0)
     for row, line in rows[:header]:
         _refuse_units(line, f"{source}: row {row}")
     return rows[header:]
+
+
+def _without_comment(names: list[str], width: int) -> list[str]:
+    """The names of as many columns as rows have: LabVIEW names one more at the end, of which few rows have a cell."""
+    return names[:-1] if len(names) == width + 1 and names[-1].lower() == COMMENT else names
 
 
 def _refuse_units(remark: str, where: str) -> None:
@@ -112,7 +137,9 @@ def _refuse_units(remark: str, where: str) -> None:
             f"{where}: found {word} above the header, expected units beside the names, as in "
             f"{column} [{unit}]: write it there, and # before that row"
         )
-    if OF_UNITS.search(remark) and not any(unit_of("force", word) == "N" for word in _words(remark)):
+    usual = [unit_of(quantity, word) in USUAL for quantity in ("force", "torque") for word in _words(remark)]
+    of_torque = OF_TORQUE.search(remark) and not OF_FORCE.search(remark)
+    if COUNTS.search(remark) or (OF_UNITS.search(remark) and not any(usual if of_torque else usual[: len(usual) // 2])):
         raise FileFormatError(
             f"{where}: found {remark[:40]!r} above the header, expected units beside the names, as in fx [N], tx [Nm]: "
             "write them there, and # before that row"
@@ -145,7 +172,7 @@ def _unit_in(remark: str) -> tuple[str, str, str] | None:
 def _words(remark: str) -> list[str]:
     words = re.findall(r"[\w·.*^°-]+", remark)
     if NO_TEXT.search(remark):  # a letter may be the half of a sign before it
-        apart = re.findall(r"[A-Za-z][A-Za-z-]+", remark)
+        apart = re.findall(r"(?<![0-9A-Za-z])[A-Za-z][A-Za-z-]+", remark)
         words += [*apart, *(word[1:] for word in apart)]
     return words
 
@@ -219,10 +246,11 @@ def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row is the units of the columns: each cell a word for a unit, empty, or in brackets and no number."""
     words = [in_ascii(unit).strip("[]() ").lower().replace(" ", "") for unit in units]
     sure = all(
-        _is_unit(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
+        _is_unit(word) or NO_TEXT.search(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
         for word, unit in zip(words, (unit.replace(" ", "") for unit in units), strict=True)
     )
-    return sure and len(units) == len(names) and any(word not in NO_UNIT for word in words)
+    known = any(word not in NO_UNIT and not NO_TEXT.search(word) for word in words)
+    return sure and known and len(units) == len(names)
 
 
 def _is_unit(word: str) -> bool:
