@@ -50,9 +50,9 @@ class Naming:
     """Which columns of a table are what, as far as it was stated.
 
     `orientation` as of `read`; None: of two files the one with the wrenches. `wrench_columns` "a,b,c,d,e,f" or a
-    slice of a list, "observation.wrench[0:6]"; `time_column` "NAME" or "NAME:UNIT"; `units` "force=kgf,torque=Nmm";
-    `hdf5` "wrench=/path,pose=/path,time=/path"; `episode`: which one of a set of recordings; `rate` Hz, of the rows of
-    a table without times.
+    slice of a list, "observation.wrench[0:6]"; `time_column` "NAME" or "NAME:UNIT"; columns without names by their
+    numbers, from 1; `units` "force=kgf,torque=Nmm"; `hdf5` "wrench=/path,pose=/path,time=/path"; `episode`: which one
+    of a set of recordings; `rate` Hz, of the rows of a table without times.
     """
 
     orientation: str | None = "auto"
