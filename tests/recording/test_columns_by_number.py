@@ -8,10 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.errors import ContactWrenchError
+from contactwrench.errors import ContactWrenchError, FileFormatError
+from tests.recording.test_bad_files import assert_one_line_that_names
 from tests.support.recordings import WRENCH, run, written
 
 POSES = cw.read(Path(cw.__file__).parent / "data" / "panda_mini45.csv")
@@ -148,7 +151,7 @@ LOST = "expected what --wrench-columns names: name columns of the file"
         (
             text(",", "%.6f").replace(".", ","),
             {},
-            "row 1: found whole numbers between commas, which may be decimal commas, and no header, expected a header, "
+            "row 1: found numbers between commas, which may be decimal commas, and no header, expected a header, "
             "or decimals with a point: write them so",
         ),
         (
@@ -208,3 +211,24 @@ def test_two_files_without_headers(tmp_path: Path, capsys: pytest.CaptureFixture
     assert (again.status, "read as the calibration was: --orientation quat_xyzw:2,3,4,5" in again.err) == (0, True)
     other = run(capsys, "compensate", "--wrench", wrench, "--pose", wider, *with_it)
     assert (other.status, "or tell the 7 columns by number" in other.err) == (2, True)
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_numbers_come_back_or_are_refused(tmp_path: Path, data: st.DataObject) -> None:
+    """With decimal commas between commas every number was two."""
+    form = data.draw(st.sampled_from(("{!r}", "{:.3f}", "{:.6g}", "{:.9e}", "{:+.4f}", "{:.0f}", "{:.1f}")))
+    separator, comma = data.draw(st.sampled_from((",", ";", "\t", " ", "   ", ", ", " \t"))), data.draw(st.booleans())
+    number = st.floats(10.0, 3e3) | st.floats(-3e3, -10.0) | st.integers(10, 99).map(float)
+    cells = data.draw(st.lists(st.lists(number, min_size=9, max_size=9), min_size=1, max_size=4))
+    texts = [[form.format(value) for value in row] for row in cells]
+    lines = [separator.join(text.replace(".", ",") if comma else text for text in row) for row in texts]
+    path = written(tmp_path, "\n".join(lines), "log.txt")
+    try:
+        found = read(path, wrench_columns="1,2,3,4,5,6", orientation="kuka_abc:7,8,9", units="angle=deg")
+    except FileFormatError as error:
+        assert_one_line_that_names(error, path)
+        said, may_be_two = str(error), separator.strip() == "," and (comma or form in ("{:.0f}", "{:.6g}"))
+        assert may_be_two or comma or (form == "{:.3f}" and "thousands" in said)
+        return
+    assert found.wrench == pytest.approx(np.array([[float(text) for text in row[:6]] for row in texts]))

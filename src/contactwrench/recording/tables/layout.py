@@ -203,20 +203,29 @@ def _named_by_comment(above: Sequence[str], data: Sequence[str], row: int, sourc
         return Layout(tuple(names), separator, _decimal(data, separator))
     sample = data[: SAMPLE + 1]
     separator = max(SEPARATORS, key=lambda mark: sum(numbers_in(split(line, mark)) for line in sample))
-    if separator == "," and _may_be_halves([split(line, separator) for line in sample]):
+    if separator == "," and _may_be_halves(sample):
         raise FileFormatError(
-            f"{source}: row {row}: found whole numbers between commas, which may be decimal commas, and no header, "
+            f"{source}: row {row}: found numbers between commas, which may be decimal commas, and no header, "
             "expected a header, or decimals with a point: write them so"
         )
     names = [str(k) for k in range(1, len(split(data[0], separator)) + 1)]
     return Layout(tuple(names), separator, _decimal(data, separator), row)
 
 
-def _may_be_halves(rows: Sequence[Sequence[str]]) -> bool:
-    """Whether every second cell, from the last, may be the decimals of the one before: digits alone, more than one."""
-    decimals = [cell for row in rows for cell in row[::-2]]
-    whole = all(re.fullmatch(r"[+-]?\d+", cell) for row in rows for cell in row)
-    return whole and all(map(str.isdecimal, decimals)) and max(map(len, decimals)) > 1
+def _may_be_halves(lines: Sequence[str]) -> bool:
+    """Whether cells between commas may be the two halves of numbers with decimal commas: some begin with a zero, as no
+    whole number does; or all are whole, and every second one, from the last, digits alone, or some apart by blanks, or
+    the rows too few to tell.
+    """
+    rows = [[cell.lower().partition("e")[0] for cell in split(line, ",")] for line in lines]
+    every = [cell for row in rows for cell in row]
+    if any(re.fullmatch(r"0\d+", cell) for cell in every):
+        return True
+    if not all(re.fullmatch(r"[+-]?\d+", cell) for cell in every):
+        return False
+    apart = any(re.search(r",\s", line) and re.search(r",\S", line) for line in lines)
+    decimals = all(cell.isdecimal() for row in rows for cell in row[::-2])
+    return max(map(len, every)) > 1 and (apart or decimals or len(lines) <= ALIKE)
 
 
 def _names(header: str, separator: str, row: int, source: str) -> list[str]:
