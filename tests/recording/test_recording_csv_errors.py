@@ -13,6 +13,10 @@ QUAT_HEADER = "fx,fy,fz,tx,ty,tz,qx,qy,qz,qw"
 GOOD = "1,2,3,4,5,6,0,0,0,1"
 QUAT_TABLE = f"{QUAT_HEADER}\n{GOOD}\n"
 MATRIX_HEADER = ",".join((*WRENCH, *MATRIX))
+NO_HEADER = (
+    "found numbers, expected a header with the columns' names: write one, or tell the 10 columns by number, as "
+    "--wrench-columns 1,2,3,4,5,6 --orientation quat_xyzw:7,8,9,10"
+)
 IN_UTF8 = "expected CSV text in UTF-8: save it as that"
 HEADER_AND_ROWS = "expected a header line and rows of numbers"
 NO_ORIENTATION = (
@@ -47,8 +51,8 @@ def refusal(path: Path, **flags: str) -> str:
             b"\xef\xbb\xbf" + f"# one\n{QUAT_TABLE}# Meßreihe\n".encode("latin-1"),
             "row 4: found a byte that is no UTF-8, expected UTF-8: save it as that",
         ),
-        (GOOD, "row 1: found numbers, expected a header with the columns' names"),
-        (f"# no header\n\n{GOOD}\n", "row 3: found numbers, expected a header with the columns' names"),
+        (GOOD, f"row 1: {NO_HEADER}"),
+        (f"# no header\n\n{GOOD}\n", f"row 3: {NO_HEADER}"),
         (f"{QUAT_HEADER}\n", "found a header and no rows, expected a row for each reading: add them"),
         (f"{QUAT_HEADER}\n# 1\n \n", "found a header and no rows, expected a row for each reading: add them"),
     ],
@@ -221,7 +225,7 @@ def test_what_could_be_thousands_throughout_is_no_decimal_comma(tmp_path: Path) 
 )
 def test_a_comment_that_does_not_name_each_column_is_no_header(tmp_path: Path, comment: str) -> None:
     table = f"# {comment}\n{GOOD.replace(',', ' ')}\n"
-    assert refusal(written(tmp_path, table)) == "row 2: found numbers, expected a header with the columns' names"
+    assert refusal(written(tmp_path, table)) == f"row 2: {NO_HEADER}"
 
 
 def test_a_second_row_that_is_not_units_throughout_is_named(tmp_path: Path) -> None:

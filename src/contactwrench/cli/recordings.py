@@ -49,7 +49,8 @@ RECORDING_HELP = (
 )
 OF_TABLE: dict[str, Any] = {
     "wrench_columns": _text(
-        "A,B,C,D,E,F", "Of a table: the wrench's six columns, or a slice of a list, as in wrench[0:6]."
+        "A,B,C,D,E,F",
+        "Of a table: the wrench's six columns, a slice of a list, as wrench[0:6], or, without a header, 1,2,3,4,5,6.",
     ),
     "time_column": _text("NAME[:UNIT]", "Of a table: the column of the times, or none."),
     "units": _text("force=U,torque=U", "Of a table: units that no name states, as torque=Nmm."),

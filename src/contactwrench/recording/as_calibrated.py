@@ -88,7 +88,8 @@ def as_calibrated(
     is_bag = read_as_bag(path, options)
     was_bag = "wrench_topic" in known if known.keys() & {"orientation", "wrench_topic"} else is_bag
     fitting = left_open if was_bag == is_bag else {}
-    taken = _of_bag(path, options, stated, fitting) if is_bag else _of_table(path, options, fitting)
+    numbered = str(calibration.provenance.get("numbered", ""))
+    taken = _of_bag(path, options, stated, fitting) if is_bag else _of_table(path, options, fitting, numbered)
     read = replace(options, **taken.values)
     others = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
     changed = set(others)
@@ -134,9 +135,9 @@ def _differences(
             yield f"{_flag(name)} was {_value(before)} for the calibration and is {_value(now)} for this recording"
 
 
-def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
+def _of_table(path: Path, options: Options, known: Mapping[str, Any], numbered: str) -> _Taken:
     """As many of the options of the columns as a table has columns for; the units of columns that are not there say
-    nothing of others.
+    nothing of others, nor do numbers of columns where there are not as many as were `numbered` for the calibration.
     """
     names = [name for name in OF_COLUMNS if name in known]
     for count in range(len(names), 0, -1):
@@ -145,7 +146,9 @@ def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
                 continue
             values = {name: known[name] for name in some}
             with suppress(FileFormatError, InputError):
-                _roles(path, replace(options, **values))
+                roles = _roles(path, replace(options, **values))
+                if not set(map(str, roles.numbered)) <= set(numbered.split(",")):
+                    continue
                 return _Taken(values, _orientation_anyhow(path, options, values))
     if names:
         _roles(path, options)  # complains of a table that is none
@@ -192,7 +195,7 @@ def _roles(path: Path, options: Options) -> ColumnRoles:
     of_wrench = replace(options, orientation=None)
     wrenches = roles_of(open_table(path, of_wrench), of_wrench)
     poses = roles_of(open_table(options.pose_file, options), options, wrench=False)
-    return replace(poses, wrench=wrenches.wrench)
+    return replace(poses, wrench=wrenches.wrench, numbered=(*wrenches.numbered, *poses.numbered))
 
 
 def _of_bag(path: Path, options: Options, stated: Collection[str], known: Mapping[str, Any]) -> _Taken:

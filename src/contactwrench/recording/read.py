@@ -190,7 +190,8 @@ def read(
         pose_topic: which one of a bag.
         frames: names of base and flange in a bag's tree of transforms.
         robot: whose joint angles a bag has: a known arm's name, or a URDF as PATH[:LINK].
-        wrench_columns: the six columns of the wrench, "a,b,c,d,e,f", or a slice of a list, "observation.wrench[0:6]".
+        wrench_columns: the six columns of the wrench, "a,b,c,d,e,f", a slice of a list, "observation.wrench[0:6]", or
+            numbers, from 1, of columns without names.
         time_column: the column of the times, "NAME" or "NAME:UNIT".
         units: of columns whose names do not say, "force=kgf,torque=Nmm".
         hdf5: which datasets of an HDF5 file, "wrench=/path,pose=/path,time=/path".

@@ -415,3 +415,9 @@ def test_a_clock_that_is_set_once_is_no_other_unit() -> None:
         decoder.feed(f'{{"t": {t}, "fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}}\n'.encode(), 0.005 * k, batch)
     assert [sample.flaw for sample in batch.samples] == [""] * 100
     assert [note.kind for note in batch.notes] == [NoteKind.RESTARTED]
+
+
+def test_numbers_that_begin_with_no_digit_are_no_header() -> None:
+    batch = decoded(f"nan,1,2,3,4,5,0,0,0,1\n{WRENCH},qx,qy,qz,qw\n1,2,3,4,5,6,0,0,0,1\n")
+    assert [note.kind for note in batch.notes] == [NoteKind.GARBAGE]
+    assert [sample.wrench for sample in batch.samples] == [(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)]

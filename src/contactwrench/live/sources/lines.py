@@ -12,7 +12,8 @@ import msgspec
 
 from ...errors import InputError, visible
 from ...recording.tables.columns import Naming
-from ...recording.tables.layout import cells, layout_of
+from ...recording.tables.layout import layout_of
+from ...recording.tables.text_cells import cells
 from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
@@ -90,9 +91,10 @@ class LinesDecoder:
         return self._header(text)
 
     def _header(self, text: str) -> tuple[None, Sequence[float]]:
-        if self._is_numbers(text):
+        numbers = self._is_numbers(text)
+        found = None if numbers else layout_of([text], "the line")
+        if numbers or (found is not None and found[1].unnamed):
             raise ValueError("found numbers, expected a header first: send one, or say ?columns=t,fx,fy,fz,tx,ty,tz,..")
-        found = layout_of([text], "the line")
         if found is None:
             return None, ()
         layout = found[1]

@@ -16,7 +16,7 @@ from operator import attrgetter
 from ...errors import FileFormatError, InputError
 from .columns import NANOSECONDS, WRENCH_COLUMNS, Column, OpenTable, listed, shown, without_own_name
 from .names import ESTIMATES, SECONDS, VECTORS, Meaning, meaning, quantity_of, stated_unit
-from .units import UNITS, known_units, per_si, symbol, unit_of
+from .units import UNITS, UNREADABLE, known_units, per_si, symbol, unit_of
 
 LONGEST_SLICE = 1000
 """Elements of a list that an option may name at once."""
@@ -156,6 +156,12 @@ def column(
     Raises `FileFormatError` for a unit that is not known, and where both state different ones.
     """
     stated, by_option = candidate.said.unit, units.get(quantity)
+    if stated == UNREADABLE and by_option is None:
+        raise FileFormatError(
+            f"{table.source}: column {shown(candidate.name)}: found a name that is no UTF-8 and may state a unit, "
+            f"expected to know it: say --units {quantity}=UNIT, or save the file as UTF-8"
+        )
+    stated = "" if stated == UNREADABLE else stated
     if stated not in UNITS[quantity]:
         if stated:
             raise FileFormatError(

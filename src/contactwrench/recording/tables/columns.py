@@ -50,9 +50,9 @@ class Naming:
     """Which columns of a table are what, as far as it was stated.
 
     `orientation` as of `read`; None: of two files the one with the wrenches. `wrench_columns` "a,b,c,d,e,f" or a
-    slice of a list, "observation.wrench[0:6]"; `time_column` "NAME" or "NAME:UNIT"; `units` "force=kgf,torque=Nmm";
-    `hdf5` "wrench=/path,pose=/path,time=/path"; `episode`: which one of a set of recordings; `rate` Hz, of the rows of
-    a table without times.
+    slice of a list, "observation.wrench[0:6]"; `time_column` "NAME" or "NAME:UNIT"; columns without names by their
+    numbers, from 1; `units` "force=kgf,torque=Nmm"; `hdf5` "wrench=/path,pose=/path,time=/path"; `episode`: which one
+    of a set of recordings; `rate` Hz, of the rows of a table without times.
     """
 
     orientation: str | None = "auto"
@@ -62,6 +62,11 @@ class Naming:
     hdf5: str | None = None
     episode: int | None = None
     rate: float | None = None
+
+    @property
+    def names_columns(self) -> bool:
+        """Whether any column of the wrench, the orientation or the times is stated."""
+        return bool(self.wrench_columns) or "," in (self.orientation or "")
 
 
 AS_NAMED = Naming()
@@ -78,6 +83,11 @@ class Column:
     per_si: float
     role: str = ""
     unit: str = ""
+
+    @property
+    def is_numbered(self) -> bool:
+        """Whether its name is its number in the file, from 1, as where no header names it."""
+        return self.name.partition(" [")[0] == str(self.place + 1)
 
     @property
     def is_usual(self) -> bool:
@@ -135,7 +145,8 @@ class ColumnRoles:
     """Which columns of a table are what; empty where it has none.
 
     `convention` makes rotations of `orientation`; None: its numbers stay as they are. In a recording with times `t` a
-    row may lack its wrench or its orientation.
+    row may lack its wrench or its orientation. `numbered`: where columns among them are told by their number alone, how
+    many the table has that can be: all that tells one such table from another.
     """
 
     wrench: tuple[Column, ...]
@@ -145,6 +156,7 @@ class ColumnRoles:
     position: tuple[Column, ...]
     load: tuple[Column, ...]
     saturated: tuple[Column, ...]
+    numbered: tuple[int, ...] = ()
 
     @property
     def of_wrench(self) -> tuple[Column, ...]:

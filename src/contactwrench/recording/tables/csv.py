@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError
 from ...files import blocks_of_lines, name_of
 from ...geometry.arrays import Array
-from .columns import FLAW, SATURATED, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
-from .layout import PERHAPS_DOTTED, Layout, cells, is_row, layout_of, no_number, split, value
+from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Column, Naming, OpenTable, places_of, shown
+from .layout import Layout, is_row, layout_of, refuse_units_above
+from .text_cells import PERHAPS_DOTTED, cells, no_number, split, value
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".dat", "")
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", "")
 
 BOOLEANS = {"true": 1.0, "false": 0.0}
 POINT_FOR_COMMA = str.maketrans(",.", ".\0")
@@ -38,13 +39,15 @@ OTHER_KINDS = {
     b"\xd0\xcf\x11\xe0": "an Excel workbook, expected text: export it as CSV",
     b"PAR1": "a Parquet file, expected text: name it .parquet",
     b"\x89HDF": "an HDF5 file, expected text: name it .h5",
+    b"MATLAB": "a MAT-file, expected text: name it .mat",
+    b"\x93NUMPY": "an array of numpy, expected text: write it with numpy.savetxt",
 }
 """By what they begin with."""
 
 
-def open_csv(path: str | Path, rows: int) -> OpenTable:
-    """A text file, `rows` lines at a time. Raises `FileAccessError`, and `FileFormatError` for what is no text or has
-    no header.
+def open_csv(path: str | Path, rows: int, naming: Naming = AS_NAMED) -> OpenTable:
+    """A text file, `rows` lines at a time. Raises `FileAccessError`, and `FileFormatError` for what is no text, or has
+    no header and no column that `naming` tells by its number.
     """
     source = name_of(path)
     blocks = _blocks_of_text(path, source, rows)
@@ -61,6 +64,14 @@ def open_csv(path: str | Path, rows: int) -> OpenTable:
         said = f"found no row in {len(lines)} lines" if len(lines) > LONGEST_HEAD else said
         raise FileFormatError(f"{source}: {said}, expected a header line and rows of numbers")
     header_row, layout = found
+    if layout.unnamed and not naming.names_columns:
+        raise FileFormatError(
+            f"{source}: row {layout.unnamed}: found numbers, expected a header with the columns' names: write one, or "
+            f"tell the {len(layout.names)} columns by number, as --wrench-columns 1,2,3,4,5,6 --orientation "
+            "quat_xyzw:7,8,9,10"
+        )
+    if layout.unnamed and naming.units is None:
+        refuse_units_above(lines, layout.unnamed, source)
     whole = _without_unfinished_row(chain(first, blocks), layout)
     bodies = (_below(header_row, *block, layout, source) for block in whole)
     return OpenTable(source, places_of(layout.names, source), partial(_with_rows, bodies))
@@ -232,12 +243,12 @@ class Lines:
         if separator == "," and 2 * len(found) >= 3 * width:
             raise FileFormatError(
                 f"{self.source}: row {row}, from column {shown(self._layout.names[0])} on: found {len(found)} values "
-                f"between commas, expected {width} as in the header: if these are decimal commas, write them as "
+                f"between commas, expected {self._layout.width}: if these are decimal commas, write them as "
                 "points, or separate the cells by semicolons"
             )
         raise FileFormatError(
-            f"{self.source}: row {row}: found {len(found)} values, expected {width} as in the header: complete the "
-            "row, and write decimals with a point"
+            f"{self.source}: row {row}: found {len(found)} values, expected {self._layout.width}: complete the row, "
+            "and write decimals with a point"
         )
 
     def _number(self, cell: str, column: Column, row: int, may_lack: bool) -> float:

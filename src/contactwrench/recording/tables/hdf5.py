@@ -28,8 +28,9 @@ from .batch import BYTES_PER_ROW, ROOM, Batch, Field, readable, require_room
 from .columns import Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE
 from .hdf5_columns import bytes_at_once, dataset_at, datasets_stated, fields_found, fields_of_roles, width_of
+from .matlab import OLD
 
-SUFFIXES = (".h5", ".hdf5")
+SUFFIXES = (".h5", ".hdf5", ".mat")
 DEEPEST = 32
 EPISODES = re.compile(r"((?:.*/)?)(?:demo|episode|traj)_?(\d{1,18})")
 
@@ -150,7 +151,7 @@ def _groups(file: Any, source: str) -> list[_Group]:
 def _longest(group: Any, source: str) -> int:
     """The number of rows of the longest dataset."""
     with _readable(source):
-        length = max((len(group[field.path[0]]) for field in fields_found(group)), default=0)
+        length = max((max(group[field.path[0]].shape) for field in fields_found(group)), default=0)
     require_room(source, length, "rows", BYTES_PER_ROW)
     return length
 
@@ -187,8 +188,12 @@ def _datasets(group: Any, which: _Group, asked: dict[str, int], source: str) -> 
 def _opened(path: str | Path) -> Iterator[Any]:
     """An open HDF5 file. Raises `FileAccessError`, `FileFormatError` and `MissingExtraError`."""
     h5py = of_extra("h5py", "HDF5", "hdf5")
-    with open_bytes(path):
-        pass
+    with open_bytes(path) as content:
+        if content.read(len(OLD)) == OLD:
+            raise FileFormatError(
+                f"{path}: found a MAT-file before version 7.3, expected that, which is HDF5: write it in MATLAB with "
+                "save(..., '-v7.3'), or as CSV with writetable; in Python contactwrench.Samples takes arrays"
+            )
     with _readable(str(path)):
         file = h5py.File(path, "r", rdcc_nbytes=ROOM)
     with file:

@@ -18,6 +18,7 @@ from ...errors import FileFormatError, InputError
 from ...geometry.orientation import CONVENTIONS, convention
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, ROOM, Field, require_room
 from .columns import POSITION, WRENCH_COLUMNS, shown
+from .matlab import OfMatlab, holds_none, is_of_matlab
 
 GZIP, SHUFFLE, CHECKSUM, LZF = 1, 2, 3, 32000
 BOUNDED: tuple[list[int], ...] = ([], [SHUFFLE], [GZIP], [LZF], [SHUFFLE, GZIP], [SHUFFLE, LZF])
@@ -34,7 +35,8 @@ def fields_found(group: Any) -> list[Field]:
     fields: list[Field] = []
 
     def visit(path: str, item: Any) -> None:
-        listed = holds_numbers(item) and (len(item.shape) < 3 or item.shape[1:] == (3, 3))
+        item = OfMatlab(item) if is_of_matlab(item) and holds_numbers(item) else item
+        listed = holds_numbers(item) and not path.startswith("#") and (len(item.shape) < 3 or item.shape[1:] == (3, 3))
         if listed and width_of(item) <= MOST_ELEMENTS:
             width = width_of(item)
             names = [path] if width == 1 else [f"{path}[{k}]" for k in range(width)]
@@ -88,6 +90,13 @@ def dataset_at(group: Any, path: str, source: str) -> Any:
     dataset = group.get(path)
     if not holds_numbers(dataset):
         return None
+    if is_of_matlab(dataset):
+        sizes, dataset = " x ".join(map(str, dataset.shape[::-1])), OfMatlab(dataset)
+        if dataset.shape is None:
+            raise FileFormatError(
+                f"{where}: found {sizes} numbers of MATLAB, whose rows cannot be told from their columns, expected "
+                "more rows than columns: add rows, or write them as CSV"
+            )
     if packed := [name for name, plain in PACKED.items() if np.any(dataset.attrs.get(name, plain) != plain)]:
         raise FileFormatError(
             f"{where}: found numbers packed by {' and '.join(packed)}, expected those that they stand for: write them "
@@ -139,7 +148,7 @@ def bytes_at_once(dataset: Any) -> int:
 
 def holds_numbers(item: Any) -> TypeGuard[Any]:
     """Whether something in a file is a dataset of numbers that has rows."""
-    return getattr(item, "shape", None) not in (None, ()) and item.dtype.kind in "fiub"
+    return getattr(item, "shape", None) not in (None, ()) and item.dtype.kind in "fiub" and not holds_none(item)
 
 
 def width_of(dataset: Any) -> int:
@@ -192,7 +201,7 @@ def _of_pose(dataset: Any, path: str, orientation: str, source: str) -> dict[int
 
 def _of_transforms(dataset: Any, path: str, source: str) -> dict[int, str]:
     """The columns of 4 x 4 poses by their elements; that their last row is 0, 0, 0, 1 tells rows from columns."""
-    pose = np.asarray(dataset[0], dtype=np.float64).reshape(4, 4) if len(dataset) else np.eye(4)
+    pose = np.asarray(dataset[:1], dtype=np.float64).reshape(4, 4) if len(dataset) else np.eye(4)
     row_last, column_last = (bool(np.allclose(last, (0.0, 0.0, 0.0, 1.0))) for last in (pose[3], pose[:, 3]))
     if row_last == column_last:
         raise FileFormatError(

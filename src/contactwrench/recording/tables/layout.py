@@ -5,14 +5,23 @@ Nothing is decided that the lines do not settle: what could mean two numbers is 
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 from ...errors import FileFormatError
-from .units import UNITS, unit_of
+from .text_cells import (
+    DECIMAL_COMMA,
+    NO_TEXT,
+    PERHAPS_THOUSANDS,
+    cells,
+    is_number,
+    named_or_numbered,
+    numbers_in,
+    split,
+)
+from .units import UNITS, UNREADABLE, in_ascii, unit_of
 
 SEPARATORS = ("\t", ";", ",", " ")
 """A blank stands for any number of them."""
@@ -27,35 +36,43 @@ readings is taken for units.
 
 NO_UNIT = ("", "-", "1")
 
-MOST_REMARKS, FEWEST_NUMBERS = 50, 6
-"""Rows above the header; and numbers in a row, a wrench at least."""
+MOST_REMARKS, FEWEST_NUMBERS, ALIKE = 50, 6, 2
+"""Rows above the header; numbers in a row, a wrench at least; and rows below the first that are numbers too: LabVIEW
+writes two, X0 and Delta_X, of its own.
+"""
 
+COMMENT = "comment"
+"""Of the names in LabVIEW's files the last."""
 COLUMN_OF = {"force": "fx", "torque": "tx", "time": "t", "angle": "roll", "length": "x"}
 USUAL = ("N", "N m", "s", "deg", "m")
 """Columns by which a unit is shown, and the units of those that state none."""
+OF_FORCE, OF_TORQUE = re.compile("forc|kraft", re.IGNORECASE), re.compile("torque|moment", re.IGNORECASE)
+COUNTS = re.compile(r"\bcounts? (?:per|/)", re.IGNORECASE)
+"""Of numbers that are to be divided by as many."""
 OF_UNITS = re.compile(r"unit|einheit|pound|ounce|kilogram|\b(?:kg|oz|ozf)\b", re.IGNORECASE)
 """In a remark: that it states a unit, whether that is one which is known here or not."""
-
-DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
-PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-PERHAPS_DOTTED = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
-CLOCK = re.compile(r"\d[-/.:]\d+[-/.:]\d")
-THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[., '\u2019\u00a0\u202f]\d{3})+(?:[.,]\d+)?")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Of a text file: the columns' names, what stands between two cells, and the decimal mark."""
+    """Of a text file: the columns' names, what stands between two cells, and the decimal mark; the row of the first
+    numbers where no header names them, and the names are the columns' numbers; 0: there is one.
+    """
 
     names: tuple[str, ...]
     separator: str
     decimal: str
+    unnamed: int = 0
+
+    @property
+    def width(self) -> str:
+        """How many cells a row has, and what says so."""
+        return f"{len(self.names)} as in the {'first row' if self.unnamed else 'header'}"
 
 
 def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
     """The row after which the numbers begin, and the layout, by the first lines of a file; None where all are blank or
-    comments. Raises `FileFormatError` where the first row is numbers that no comment above it names, or units stand
-    above a header.
+    comments. Raises `FileFormatError` where units stand above a header, or numbers that no header names may be two.
     """
     rows = [(row, line) for row, line in enumerate(lines, start=1) if is_row(line)]
     if rows and rows[0][1].lower().startswith("sep="):
@@ -64,59 +81,151 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
         return None
     row, header = (rows := _below_remarks(rows, source))[0]
     data = [line for _, line in rows[1:]]
-    if any(_numbers_in(each := split(header, mark)) == len(each) > 0 for mark in SEPARATORS):
+    if any(_is_reading(split(header, mark), [split(line, mark) for line in data[:SAMPLE]]) for mark in SEPARATORS):
         return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
-    names = _names(header, separator, row, source)
+    names = named_or_numbered(_names(header, separator, row, source))
+    names = _without_comment(names, len(split(data[0], separator))) if data else names
     if data and _are_units(units := split(data[0], separator), names):
-        units = [unit.strip("[]() ") for unit in units]
-        names = [f"{name} [{unit}]" if unit not in NO_UNIT else name for name, unit in zip(names, units, strict=True)]
+        units = [UNREADABLE if NO_TEXT.search(unit) else in_ascii(unit).strip("[]() ") for unit in units]
+        names = [
+            f"{name.removesuffix(f' [{UNREADABLE}]')} [{unit}]" if unit not in NO_UNIT else name
+            for name, unit in zip(names, units, strict=True)
+        ]
         row, data = rows[1][0], data[1:]
     return row, Layout(tuple(names), separator, _decimal(data, separator))
 
 
 def _below_remarks(rows: list[tuple[int, str]], source: str) -> list[tuple[int, str]]:
-    """The rows from the header on, the first with as many cells, most of them filled, as the first row of numbers:
-    loggers write of themselves above it. All rows where none is so. Raises `FileFormatError` for units up there.
+    """The rows from the header on, the first with as many cells, most of them filled, as the first row of numbers that
+    others follow: loggers write of themselves above it. All rows where none is so. Raises `FileFormatError` for units
+    up there.
     """
     each = ((k, mark, split(line, mark)) for k, (_, line) in enumerate(rows[:MOST_REMARKS]) for mark in SEPARATORS)
     k, mark, width = next(
-        ((k, mark, len(found)) for k, mark, found in each if _numbers_in(found) >= FEWEST_NUMBERS), (0, "", 0)
+        (
+            (k, mark, len(found))
+            for k, mark, found in each
+            if numbers_in(found) >= FEWEST_NUMBERS
+            and all(
+                len(below) == len(found) and numbers_in(below) > 0
+                for below in (split(line, mark) for _, line in rows[k + 1 : k + 1 + ALIKE])
+            )
+        ),
+        (0, "", 0),
     )
     above = [split(line, mark) for _, line in rows[:k]]
     filled = [len(found) == width and sum(map(bool, found)) >= FEWEST_NUMBERS for found in above]
-    header = filled.index(True) if True in filled else 0
+    of_labview = [len(_without_comment(found, width)) == width and found[-1].lower() == COMMENT for found in above]
+    counted = [False] * k + [k > 0 and _counts_on(split(rows[k][1], mark))]
+    header = next((each.index(True) for each in (of_labview, filled, counted) if True in each), 0)
     for row, line in rows[:header]:
         _refuse_units(line, f"{source}: row {row}")
     return rows[header:]
 
 
+def _without_comment(names: list[str], width: int) -> list[str]:
+    """The names of as many columns as rows have: LabVIEW names one more at the end, of which few rows have a cell."""
+    return names[:-1] if len(names) == width + 1 and names[-1].lower() == COMMENT else names
+
+
 def _refuse_units(remark: str, where: str) -> None:
     """Raise `FileFormatError` for what may be a unit other than those that columns without one have."""
-    words = re.findall(r"[\w·.*^°-]+", remark)
-    for word in (*map(" ".join, pairwise(words)), *words):
-        for quantity, column in COLUMN_OF.items():
-            unit = unit_of(quantity, word)
-            if unit is not None and unit not in USUAL:
-                raise FileFormatError(
-                    f"{where}: found {word} above the header, expected units beside the names, as in "
-                    f"{column} [{unit}]: write it there, and # before that row"
-                )
-    if OF_UNITS.search(remark) and not any(unit_of("force", word) == "N" for word in words):
+    if (stated := _unit_in(remark)) is not None:
+        word, unit, column = stated
+        raise FileFormatError(
+            f"{where}: found {word} above the header, expected units beside the names, as in "
+            f"{column} [{unit}]: write it there, and # before that row"
+        )
+    usual = [unit_of(quantity, word) in USUAL for quantity in ("force", "torque") for word in _words(remark)]
+    of_torque = OF_TORQUE.search(remark) and not OF_FORCE.search(remark)
+    if COUNTS.search(remark) or (OF_UNITS.search(remark) and not any(usual if of_torque else usual[: len(usual) // 2])):
         raise FileFormatError(
             f"{where}: found {remark[:40]!r} above the header, expected units beside the names, as in fx [N], tx [Nm]: "
             "write them there, and # before that row"
         )
 
 
+def refuse_units_above(lines: Sequence[str], row: int, source: str) -> None:
+    """Raise `FileFormatError` for a unit in the remarks above numbers without a header, which begin in a row: there are
+    no names beside which it could stand.
+    """
+    for above, remark in enumerate(lines[: row - 1], start=1):
+        if (stated := _unit_in(remark)) is not None:
+            raise FileFormatError(
+                f"{source}: row {above}: found {stated[0]} above columns without names, expected to be told the units: "
+                "say --units force=N,torque=Nm, or what else they are"
+            )
+
+
+def _unit_in(remark: str) -> tuple[str, str, str] | None:
+    """What may be a unit other than those that columns without one have: the word, the unit, and a column of it."""
+    words = _words(remark)
+    for word in (*map(" ".join, pairwise(words)), *words):
+        for quantity, column in COLUMN_OF.items():
+            unit = unit_of(quantity, word)
+            if unit is not None and unit not in USUAL:
+                return word, unit, column
+    return None
+
+
+def _words(remark: str) -> list[str]:
+    words = re.findall(r"[\w·.*^°-]+", remark)
+    if NO_TEXT.search(remark):  # a letter may be the half of a sign before it
+        apart = re.findall(r"(?<![0-9A-Za-z])[A-Za-z][A-Za-z-]+", remark)
+        words += [*apart, *(word[1:] for word in apart)]
+    return words
+
+
+def _is_reading(row: Sequence[str], below: Sequence[Sequence[str]]) -> bool:
+    """Whether a row above others is numbers, not names: all of it, or a wrench at least, beside what is no number in
+    the others either, as a time of day. Whole numbers that count on are the names that pandas gives.
+    """
+    numbers = numbers_in(row)
+    if numbers < min(len(row), FEWEST_NUMBERS) or not row or (below and _counts_on(row)):
+        return False
+    words = [k for k, cell in enumerate(row) if cell and not numbers_in([cell])]
+    return not any(numbers_in([other[k]]) for other in below if len(other) == len(row) for k in words)
+
+
+def _counts_on(row: Sequence[str]) -> bool:
+    """Whether the numbers in a row are 0, 1, 2 and so on, or 1, 2, 3."""
+    numbers = [cell for cell in row if numbers_in([cell])]
+    return len(numbers) > 1 and numbers in [[str(first + k) for k in range(len(numbers))] for first in (0, 1)]
+
+
 def _named_by_comment(above: Sequence[str], data: Sequence[str], row: int, source: str) -> Layout:
-    """The layout of rows whose names stand in the last comment above them, as numpy.savetxt writes them."""
+    """The layout of rows whose names stand in the last comment above them, as numpy.savetxt writes them, or nowhere."""
     comment = next((line.strip().lstrip("#% ") for line in reversed(above) if line.strip()), "")
     separator = _separator(comment, data[:SAMPLE])
-    names = _names(comment, separator, row, source)
-    if len(names) < 2 or len(names) != len(split(data[0], separator)) or any(map(is_number, names)):
-        raise FileFormatError(f"{source}: row {row}: found numbers, expected a header with the columns' names")
-    return Layout(tuple(names), separator, _decimal(data, separator))
+    names = named_or_numbered(_names(comment, separator, row, source))
+    if len(names) > 1 and len(names) == len(split(data[0], separator)) and not any(map(is_number, names)):
+        return Layout(tuple(names), separator, _decimal(data, separator))
+    sample = data[: SAMPLE + 1]
+    separator = max(SEPARATORS, key=lambda mark: sum(numbers_in(split(line, mark)) for line in sample))
+    if separator == "," and _may_be_halves(sample):
+        raise FileFormatError(
+            f"{source}: row {row}: found numbers between commas, which may be decimal commas, and no header, "
+            "expected a header, or decimals with a point: write them so"
+        )
+    names = [str(k) for k in range(1, len(split(data[0], separator)) + 1)]
+    return Layout(tuple(names), separator, _decimal(data, separator), row)
+
+
+def _may_be_halves(lines: Sequence[str]) -> bool:
+    """Whether cells between commas may be the two halves of numbers with decimal commas: some begin with a zero, as no
+    whole number does; or all are whole, and every second one, from the last, digits alone, or some apart by blanks, or
+    the rows too few to tell.
+    """
+    rows = [[cell.lower().partition("e")[0] for cell in split(line, ",")] for line in lines]
+    every = [cell for row in rows for cell in row]
+    if any(re.fullmatch(r"0\d+", cell) for cell in every):
+        return True
+    if not all(re.fullmatch(r"[+-]?\d+", cell) for cell in every):
+        return False
+    apart = any(re.search(r",\s", line) and re.search(r",\S", line) for line in lines)
+    decimals = all(cell.isdecimal() for row in rows for cell in row[::-2])
+    return max(map(len, every)) > 1 and (apart or decimals or len(lines) <= ALIKE)
 
 
 def _names(header: str, separator: str, row: int, source: str) -> list[str]:
@@ -136,7 +245,7 @@ def _separator(header: str, data: Sequence[str]) -> str:
     for candidate in candidates:
         width = len(split(header, candidate))
         rows = [row for line in data if len(row := split(line, candidate)) == width]
-        count = sum(map(_numbers_in, rows))
+        count = sum(map(numbers_in, rows))
         if count > most:
             best, most = candidate, count
     return best
@@ -144,12 +253,13 @@ def _separator(header: str, data: Sequence[str]) -> str:
 
 def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row is the units of the columns: each cell a word for a unit, empty, or in brackets and no number."""
-    words = [unit.strip("[]() ").lower().replace(" ", "") for unit in units]
+    words = [in_ascii(unit).strip("[]() ").lower().replace(" ", "") for unit in units]
     sure = all(
-        _is_unit(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
+        _is_unit(word) or NO_TEXT.search(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
         for word, unit in zip(words, (unit.replace(" ", "") for unit in units), strict=True)
     )
-    return sure and len(units) == len(names) and any(word not in NO_UNIT for word in words)
+    known = any(word not in NO_UNIT and not NO_TEXT.search(word) for word in words)
+    return sure and known and len(units) == len(names)
 
 
 def _is_unit(word: str) -> bool:
@@ -168,71 +278,9 @@ def _decimal(data: Sequence[str], separator: str) -> str:
     return "."
 
 
-def _numbers_in(row: Sequence[str]) -> int:
-    """How many cells are numbers, with either decimal mark."""
-    return sum(is_number(cell) or DECIMAL_COMMA.fullmatch(cell) is not None for cell in row)
-
-
 def is_row(line: str) -> bool:
     """Whether a line is neither blank nor a comment, with `#` or MATLAB's `% `; a spreadsheet's `#N/A` is none, nor is
     rostopic's `%time`.
     """
     start = line.lstrip()
     return bool(start) and (start[0] != "#" or start.startswith("#N/A")) and not start.startswith("% ")
-
-
-def cells(line: str, separator: str, row: int, source: str) -> list[str]:
-    """The cells of one line, without the space around them. Raises `FileFormatError`."""
-    try:
-        blanks = separator == " "
-        reader = csv.reader([line.strip() if blanks else line, ""], delimiter=separator, skipinitialspace=blanks)
-        found = next(reader)
-        if reader.line_num > 1:
-            raise csv.Error("a quote is not closed")
-        return [cell.strip() for cell in found]
-    except csv.Error as error:
-        raise FileFormatError(
-            f"{source}: row {row}: found what is no CSV ({error}), expected cells of names and numbers: correct it"
-        ) from None
-
-
-def split(line: str, separator: str) -> list[str]:
-    """The same; none where they cannot be told apart."""
-    try:
-        return cells(line, separator, 0, "")
-    except FileFormatError:
-        return []
-
-
-def value(text: str) -> float:
-    """The number that `text` is. Raises `ValueError`, also for the underscores that Python allows in a number."""
-    if "_" in text:
-        raise ValueError(text)
-    return float(text)
-
-
-def is_number(text: str) -> bool:
-    """Whether a text is a number with a decimal point."""
-    try:
-        value(text)
-    except ValueError:
-        return False
-    return True
-
-
-def no_number(cell: str, name: str, *, comma: bool, of_times: bool) -> str:
-    """What is wrong with a cell below a `name`, no number in a file whose decimal mark is a comma, or a point."""
-    if PERHAPS_THOUSANDS.fullmatch(cell):
-        return f"found {cell!r}, which may be a decimal comma or thousands, expected a point: write it so"
-    if DECIMAL_COMMA.fullmatch(cell):
-        return f"found the decimal comma {cell!r}, expected a point: write it so"
-    if THOUSANDS.fullmatch(cell) and not is_number(cell):
-        return f"found thousands set apart in {cell[:40]!r}, expected digits and one decimal mark: write it so"
-    if comma and is_number(cell):
-        return f"found the decimal point {cell[:40]!r} in a file with decimal commas, expected one mark: write it so"
-    mend = "leave the times out, if the rows are poses, with --time-column none" if of_times else "leave the row out"
-    if of_times and CLOCK.search(cell):
-        mend = f"write those, or {mend}"
-        return f"found {cell[:40]!r}, a date or time of day, expected seconds since the first row: {mend}"
-    again = "found the header again, expected one recording: cut the file there"
-    return again if cell == name else f"found {cell[:40]!r}, expected a number: correct it or {mend}"

@@ -13,7 +13,7 @@ from functools import lru_cache
 from itertools import dropwhile
 
 from .columns import NANOSECONDS, POSITION, WRENCH_COLUMNS
-from .units import MEGANEWTON, SPELLED, plain, unit_of
+from .units import MEGANEWTON, SPELLED, in_ascii, plain, unit_of
 
 _ANY_UNIT = {word for spelled in SPELLED.values() for word in spelled}
 SECONDS = "sec"
@@ -245,6 +245,7 @@ def _words(header: str) -> tuple[list[str], str | None]:
     axis. No words where it has signs that do more than stand between words.
     """
     unit: str | None = None
+    header = in_ascii(header)
 
     def within(match: re.Match[str]) -> str:
         nonlocal unit

@@ -45,7 +45,7 @@ from .columns import (
 )
 from .names import ESTIMATES, QUANTITIES
 from .orientations import orientation_columns
-from .units import stated_units, unit_of
+from .units import UNREADABLE, stated_units, unit_of
 
 WITHOUT_TIMES = "none"
 """What --time-column takes where a column that looks like times is to be left alone."""
@@ -80,7 +80,7 @@ def roles_beside(
     t = time_columns(table, naming, taken)
     load = load_column(table) if wrench else None
     saturated = usual(table, SATURATED, "") if wrench else None
-    return ColumnRoles(
+    roles = ColumnRoles(
         wrench=tuple(wrench),
         convention=chosen,
         orientation=tuple(angles),
@@ -89,6 +89,10 @@ def roles_beside(
         load=() if load is None or load.place in taken else (load,),
         saturated=() if saturated is None else (column(table, saturated, SATURATED, "", {}),),
     )
+    if not any(each.is_numbered for each in roles.columns):
+        return roles
+    numbered = [place for name, place in table.places.items() if Column(place, name, 1.0).is_numbered]
+    return replace(roles, numbered=(len(numbered),))
 
 
 def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
@@ -180,7 +184,7 @@ def time_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) 
     if naming.rate is not None and (name := counted_times(naming.rate)) in table.places:
         return (Column(table.places[name], name, 1.0, "t", "s"),)
     if naming.time_column is not None:
-        return _stated_times(table, naming.time_column, units)
+        return _stated_times(table, naming.time_column, units, taken)
     by_usual_name = usual(table, "t", "time")
     if by_usual_name is not None:
         return () if by_usual_name.place in taken else (column(table, by_usual_name, "t", "time", units),)
@@ -210,14 +214,14 @@ def _as_times(table: OpenTable, times: tuple[Candidate, ...], units: dict[str, s
     return tuple(column(table, each, role, "time", units) for each, role in made)
 
 
-def _stated_times(table: OpenTable, text: str, units: dict[str, str]) -> tuple[Column, ...]:
+def _stated_times(table: OpenTable, text: str, units: dict[str, str], taken: Collection[int]) -> tuple[Column, ...]:
     if text == WITHOUT_TIMES:
         return ()
     found = named(table, text, "t", "time")
     if found is None and unit_of("time", text.rpartition(":")[2]) is not None:
         name, _, spelled = text.rpartition(":")
         found, unit = named(table, name, "t", "time"), unit_of("time", spelled) or ""
-        others = {units.get("time"), found.said.unit if found is not None else None} - {None, "", unit}
+        others = {units.get("time"), found.said.unit if found is not None else None} - {None, "", unit, UNREADABLE}
         if others:
             raise InputError(
                 f"{table.source}: found --time-column in {unit}, and {others.pop()} in the column's name or --units, "
@@ -226,6 +230,11 @@ def _stated_times(table: OpenTable, text: str, units: dict[str, str]) -> tuple[C
         units = {**units, "time": unit}
     if found is None:
         raise lacking(table, text, "what --time-column names", "name a column of the file, or none")
+    if found.place in taken:
+        raise FileFormatError(
+            f"{table.source}: found column {shown(found.name)} as times and as wrench or orientation, expected one of "
+            "them: correct --time-column or the others"
+        )
     pairs = (times for times in stamps(candidates(table)) if len(times) > 1 and times[0].place == found.place)
     return _as_times(table, next(pairs, (found,)), units)
 

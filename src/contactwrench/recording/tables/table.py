@@ -105,7 +105,7 @@ def open_set(path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS) -> O
         return open_hdf5(path, naming, rows)
     if naming.hdf5 is not None:
         raise InputError(f"{path}: found no HDF5 file, and hdf5 {naming.hdf5}, which is for those: leave it out")
-    return open_parquet(path, rows, naming.episode) if is_parquet(path) else open_csv(path, rows)
+    return open_parquet(path, rows, naming.episode) if is_parquet(path) else open_csv(path, rows, naming)
 
 
 def tables(
@@ -143,6 +143,7 @@ def _read_as(roles: ColumnRoles) -> ReadAs:
         "columns": roles.understood,
         "units_read": ",".join(f"{quantity}={unit}" for quantity, unit in roles.units_read.items()),
         "orientation": "" if roles.convention is None else roles.convention.name,
+        "numbered": ",".join(map(str, roles.numbered)),
     }
     return {name: what for name, what in told.items() if what}
 
@@ -155,7 +156,7 @@ def without_reading(rows: int) -> str:
 def read_as_of_both(wrench: Table, pose: Table) -> ReadAs:
     """What two tables told, or one of which some rows have wrenches and others poses."""
     joined = {}
-    for name, mark in (("columns", "; "), ("units_read", ",")):
+    for name, mark in (("columns", "; "), ("units_read", ","), ("numbered", ",")):
         if told := dict.fromkeys(str(table.read_as[name]) for table in (wrench, pose) if name in table.read_as):
             joined[name] = mark.join(told)
     return {**wrench.read_as, **pose.read_as, **joined}

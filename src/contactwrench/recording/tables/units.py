@@ -61,13 +61,16 @@ ANGLE = {unit: per_si for unit, (per_si, _) in UNITS["angle"].items()}
 """How many of a unit of angle make one radian."""
 MEGANEWTON = "MN"
 """Capitals tell it from mN, the only place where they tell units apart: no unit of a sensor, nor is one guessed."""
+UNREADABLE = "no UTF-8"
+"""In place of a unit, where a name cannot be read, and so may state one."""
+IN_ASCII = {code + 0xFEE0: code for code in range(0x21, 0x7F)} | str.maketrans("\u3000【】〔〕・･", " [][]··")
 FOR_UNITS = ("force", "torque", "angle", "time", "length")
 """What --units takes."""
 
 
 def unit_of(quantity: str, text: str) -> str | None:
     """The unit of a quantity that `text` spells, as `UNITS` names it; None where it is none."""
-    compact = re.sub(r"[\s_.*·⋅•×^-]+", "", plain(text))
+    compact = re.sub(r"[\s_.*·⋅•×^-]+", "", plain(in_ascii(text)))
     return None if MEGANEWTON in text else SPELLED[quantity].get(compact)
 
 
@@ -103,6 +106,11 @@ def unit_shown(per_si: float, unit: str) -> str:
 def known_units(quantity: str) -> str:
     """The units of a quantity, as a message lists them."""
     return ", ".join(UNITS[quantity])
+
+
+def in_ascii(text: str) -> str:
+    """A text with signs of full width as those of ASCII, other brackets as `[ ]`, and the dot of Japanese as `·`."""
+    return text.translate(IN_ASCII)
 
 
 def plain(text: str) -> str:

@@ -1,0 +1,96 @@
+"""The cells of a text table: apart, as numbers, and what is wrong with those that are none."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+
+from ...errors import FileFormatError
+from .units import UNREADABLE
+
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+PERHAPS_DOTTED = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+CLOCK = re.compile(r"\d[-/.:]\d+[-/.:]\d")
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[., '\u2019\u00a0\u202f]\d{3})+(?:[.,]\d+)?")
+
+NO_TEXT = re.compile("[\ufffd¡¢£¤¥¦¨©ª¬®¯¸¹¼½¾¿¶‚ƒ„†‡ˆ‰‹›]|[–—‘“”•˜™][À-ÿ]|[À-ÿ]{3}")
+"""What names of another code, as Shift JIS, GBK, EUC-KR, and Windows' 1251, become where it is not known and 1252 is
+taken for it, and what no name in that has. Brackets of full width always become so, and any unit in them.
+"""
+UNIT_AT_END = re.compile(r"[\[(]([\w\s/*.^%-]+)[\])]\s*$", re.ASCII)
+
+
+def named_or_numbered(names: Sequence[str]) -> list[str]:
+    """The columns' names; in a code that is not known, instead of one that nobody can read or type, its number, from 1,
+    with its unit: that which is in brackets and can be read, else `UNREADABLE`.
+    """
+    if not any(map(NO_TEXT.search, names)):
+        return list(names)
+    units = [UNIT_AT_END.search(name) for name in names]
+    known = [unit[1] if unit is not None else UNREADABLE for unit in units]
+    each = enumerate(zip(names, known, strict=True), start=1)
+    return [name if name.isascii() else f"{number} [{unit}]" for number, (name, unit) in each]
+
+
+def numbers_in(row: Sequence[str]) -> int:
+    """How many cells are numbers, with either decimal mark."""
+    return sum(is_number(cell) or DECIMAL_COMMA.fullmatch(cell) is not None for cell in row)
+
+
+def cells(line: str, separator: str, row: int, source: str) -> list[str]:
+    """The cells of one line, without the space around them. Raises `FileFormatError`."""
+    try:
+        blanks = separator == " "
+        reader = csv.reader([line.strip() if blanks else line, ""], delimiter=separator, skipinitialspace=blanks)
+        found = next(reader)
+        if reader.line_num > 1:
+            raise csv.Error("a quote is not closed")
+        return [cell.strip() for cell in found]
+    except csv.Error as error:
+        raise FileFormatError(
+            f"{source}: row {row}: found what is no CSV ({error}), expected cells of names and numbers: correct it"
+        ) from None
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The same; none where they cannot be told apart."""
+    try:
+        return cells(line, separator, 0, "")
+    except FileFormatError:
+        return []
+
+
+def value(text: str) -> float:
+    """The number that `text` is. Raises `ValueError`, also for the underscores that Python allows in a number."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is a number with a decimal point."""
+    try:
+        value(text)
+    except ValueError:
+        return False
+    return True
+
+
+def no_number(cell: str, name: str, *, comma: bool, of_times: bool) -> str:
+    """What is wrong with a cell below a `name`, no number in a file whose decimal mark is a comma, or a point."""
+    if PERHAPS_THOUSANDS.fullmatch(cell):
+        return f"found {cell!r}, which may be a decimal comma or thousands, expected a point: write it so"
+    if DECIMAL_COMMA.fullmatch(cell):
+        return f"found the decimal comma {cell!r}, expected a point: write it so"
+    if THOUSANDS.fullmatch(cell) and not is_number(cell):
+        return f"found thousands set apart in {cell[:40]!r}, expected digits and one decimal mark: write it so"
+    if comma and is_number(cell):
+        return f"found the decimal point {cell[:40]!r} in a file with decimal commas, expected one mark: write it so"
+    mend = "leave the times out, if the rows are poses, with --time-column none" if of_times else "leave the row out"
+    if of_times and CLOCK.search(cell):
+        mend = f"write those, or {mend}"
+        return f"found {cell[:40]!r}, a date or time of day, expected seconds since the first row: {mend}"
+    again = "found the header again, expected one recording: cut the file there"
+    return again if cell == name else f"found {cell[:40]!r}, expected a number: correct it or {mend}"
