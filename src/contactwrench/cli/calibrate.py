@@ -141,7 +141,7 @@ def calibrate(
     options.note(*(() if alike is None else alike.notes))
     if json or str(output) == STDOUT:
         typer.echo(options.visible_lines(done.json), nl=False)
-    else:
+    elif str(report) != STDOUT:
         options.say(done.text, elsewhere=COLUMNS)
         for what, path in done.written:
             options.say(f"Wrote the {what} to {path}")

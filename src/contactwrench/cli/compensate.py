@@ -140,7 +140,7 @@ def compensate(
     of_g = () if g is None else ("--g has no effect: it makes a weight a mass, and that is the calibration's",)
     options.note(*alike.notes, *of_g, *notes)
     for line in lines:
-        options.say(line, err=str(output) == STDOUT)
+        options.say(line, err=STDOUT in map(str, (output, report)))
 
 
 def _episodes(recording: Recordings, report: Path | None) -> list[int]:
