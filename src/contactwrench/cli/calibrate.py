@@ -75,7 +75,8 @@ def calibrate(
     noise: Annotated[
         str | None,
         options.text(
-            "N|REST", "Std of one pose's reading, or a recording at rest. [default: from what the fit leaves]"
+            "N|FX,..,TZ|REST",
+            "Std of one pose's reading, one or six, or a recording at rest. [default: from what the fit leaves]",
         ),
         NAMES_FOLDER,
     ] = None,

@@ -53,9 +53,9 @@ def compensate(
     noise: Annotated[
         str | None,
         options.text(
-            "N|FREE",
-            "Judging: std of a free tool's reading, its motion's inertia included, or a recording of such motion. "
-            "[default: the noise at rest]",
+            "N|FX,..,TZ|FREE",
+            "Judging: std of a free tool's reading, one or six, its motion's inertia included, or a recording of such "
+            "motion. [default: the noise at rest]",
         ),
         NAMES_FOLDER,
     ] = None,
