@@ -288,8 +288,8 @@ def test_what_is_there_is_replaced_with_force_alone(one_file: Path) -> None:
     with pytest.raises(FileAccessError):
         verb(report=page)
     page.write_text(html_page("title", (), "body"))
-    Path("to-page.csv").symlink_to(page)
-    verb(report=Path("to-page.csv"))
+    Path("to-page.html").symlink_to(page)
+    verb(report=Path("to-page.html"))
     assert page.read_text() == "new"
 
 
@@ -498,3 +498,30 @@ def test_a_page_that_cannot_be_drawn_is_refused_before_anything_is_written(
     said = run(capsys, "calibrate", PANDA, "-o", saved, "--report", tmp_path / "r.html").complaint
     assert said.startswith("the report needs matplotlib, which ")
     assert not saved.exists()
+
+
+@pytest.mark.parametrize(
+    ("output", "report", "name", "expected"),
+    [
+        ("q.csv", "r.html", "q.csv", ".json"),
+        ("q.PARQUET", "r.html", "q.PARQUET", ".json"),
+        ("q.html", "r.html", "q.html", ".json"),
+        ("q.json", "r.json", "r.json", ".html"),
+        ("q.json", "r.mcap", "r.mcap", ".html"),
+    ],
+)
+def test_a_name_of_another_kind_of_file_is_refused(
+    tmp_path: Path, capsys: Capture, output: str, report: str, name: str, expected: str
+) -> None:
+    outputs = "-o", tmp_path / output, "--report", tmp_path / report
+    said = run(capsys, "calibrate", "gone.csv", *outputs).complaint
+    suffix = Path(name).suffix.lower()
+    assert said == f"{tmp_path / name}: found the suffix {suffix}, expected {expected}: name it so"
+
+
+def test_a_name_without_a_suffix_or_with_one_s_own_is_taken(tmp_path: Path, capsys: Capture) -> None:
+    for name in ("tool", "tool.cal", "tool.JSON", "tool.2026"):
+        assert run(capsys, "calibrate", PANDA, "-o", tmp_path / name, "--model", "mount").status == 0
+    folder = tmp_path / "tools.csv"
+    said = run(capsys, "calibrate", PANDA, "gone.csv", "--shared", "mount", "-o", folder).complaint
+    assert said.startswith("gone.csv: there is no such file")

@@ -46,7 +46,7 @@ def calibrate(
             "--output",
             "-o",
         ),
-        Writes(_calibrations),
+        Writes(_calibrations, suffix=".json"),
     ] = None,
     model: Annotated[
         str, options.text("M", "auto, paper, yaw, mount, mount+base, affine, or dynamic: auto, and the inertia.")

@@ -53,7 +53,7 @@ def live(
     output: Annotated[
         Path | None,
         options.text("CAL.json", "Where what is accepted is saved. [default: live-DATE.json]", "--output", "-o"),
-        Writes(),
+        Writes(suffix=".json"),
     ] = None,
     sign: Annotated[
         str | None, options.text("pull|reaction", "Of the readings. [default: the push test tells]")

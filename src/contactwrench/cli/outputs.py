@@ -20,6 +20,7 @@ from ..errors import FileAccessError, InputError, of_extra
 from ..files import KEPT, STDOUT, already_there, cause_named, identity, parts_of, target_of
 from ..recording.bags.folder import METADATA
 from ..recording.bags.open import SUFFIXES_OF_BAGS
+from ..recording.tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
 from ..recording.tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from . import options
 
@@ -30,6 +31,7 @@ NAMES_FOLDER: Final = "names a folder"
 """In the annotation of a text: it may name a folder that is read, too. A path may always."""
 OF_PAGE = b"<footer>contactwrench "
 """At the end of the pages that the program writes."""
+OF_KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_HDF5, ".csv", ".tsv", ".json", ".html")
 KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, ".zstd")
 
 
@@ -37,11 +39,12 @@ KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, ".zstd")
 class Writes:
     """In the annotation of a path: it is written, or the `files` that follow from it and the values of all arguments. A
     `page` is made anew over one of this program's, as nobody's work is in that; another file that is there and not
-    empty is replaced only with --force.
+    empty is replaced only with --force. A suffix of another kind of file than `suffix`, a page's .html, is refused.
     """
 
     files: Callable[[Path, Mapping[str, Any]], Iterable[Path]] = lambda path, _: [path]
     page: bool = False
+    suffix: str = ""
 
 
 def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
@@ -67,6 +70,8 @@ def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
         _require_one_on_stdout(outputs, values)
         within = copy_context()
         within.run(KEPT.set, _to_be_kept(outputs, values, read))
+        for name, mark in outputs.items():
+            _require_suffix(mark, mark.files(values[name], values) if values[name] is not None else ())
         return within.run(verb, **{name: values[name] for name in own})
 
     return options.spelled(run, {**own, "force": own.get("force", force)}.values())
@@ -112,6 +117,14 @@ def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: 
                     raise already_there(file)
                 kept |= set() if target.exists() else {target}
     return kept
+
+
+def _require_suffix(mark: Writes, files: Iterable[Path]) -> None:
+    """Raise `InputError` for a name that is one of another kind of file; any will do where none is expected."""
+    expected = ".html" if mark.page else mark.suffix
+    for file in files:
+        if expected and (suffix := file.suffix.lower()) != expected and suffix in OF_KINDS:
+            raise InputError(f"{file}: found the suffix {suffix}, expected {expected}: name it so")
 
 
 def _require_place(file: Path, folder: Path, *, made: bool) -> None:
