@@ -28,11 +28,11 @@ ADDED = (
     *("delay", "delay_std"),  # with recordings
     *("findings", "verdict", "expected_error"),
     *("still_noise", "gain_covariance", "left_of_poses"),
-    "dynamics",
-    "orientation_std",
+    *("dynamics", "dynamics.accelerometer", "dynamics.accelerometer.delay", "dynamics.accelerometer.drift"),
+    *("orientation_std", "still_noise.row_std"),
 )
-"""Keys that the first files did not have, in the order in which they came: a file that has one of them has all before
-it, or was cut. A new key goes to the end.
+"""Keys that the first files did not have, in the order in which they came, those of an object with its name: a file
+that has one of them has all before it, or was cut. A new key goes to the end.
 """
 _ONE_AT_A_TIME = Lock()  # msgspec 0.22 crashes where two threads look at a type for the first time
 
@@ -72,11 +72,8 @@ def load(path: str | Path, form: type[Form]) -> Form:
         elif number.isdecimal() and float(number) > float(_NUMBER):
             remedy = "upgrade contactwrench"
         raise FileFormatError(f"{path}: found schema {repr(schema)[:60]}, expected {SCHEMA!r}: {remedy}")
-    last = max((k for k, key in enumerate(ADDED) if key in values), default=0)
     try:
-        for key in ADDED[:last]:
-            if key not in values:
-                raise msgspec.ValidationError(f"Object missing required field `{key}`")
+        _require_all_before(values)
         with _ONE_AT_A_TIME:
             derived = msgspec.convert(values, Derived, dec_hook=_array)
             calibration = msgspec.convert(_with_findings(values, derived.warnings), form, dec_hook=_array)
@@ -94,6 +91,21 @@ def load(path: str | Path, form: type[Form]) -> Form:
 def _each_once(pairs: list[tuple[str, Any]]) -> None:
     if len(dict(pairs)) < len(pairs):
         raise msgspec.DecodeError(f"a key is there twice beside {pairs[0][0][:40]!r}")
+
+
+def _require_all_before(values: dict[str, Any]) -> None:
+    """Raise `msgspec.ValidationError`, in its words, for a key of `ADDED` that a file with a later one lacks."""
+    lacking = ""
+    for key in ADDED:
+        within: Any = values
+        *whole, part = key.split(".")
+        for name in whole:
+            within = within.get(name) if isinstance(within, dict) else None
+        if isinstance(within, dict) and part not in within:
+            place = f" - at `$.{'.'.join(whole)}`" if whole else ""
+            lacking = lacking or f"Object missing required field `{part}`{place}"
+        elif isinstance(within, dict) and lacking:
+            raise msgspec.ValidationError(lacking)
 
 
 class _Constant(str):
