@@ -64,11 +64,15 @@ class AmbiguityError(ContactWrenchError, ValueError):
 
 @contextmanager
 def naming(source: str) -> Iterator[None]:
-    """What the readings of a recording cannot tell, or contradict, begins with its name."""
+    """What the readings of a recording cannot tell, or contradict, begins with its name: with its folder where that
+    leaves all words on a terminal.
+    """
     try:
         yield
     except (UnobservableError, AmbiguityError) as error:
-        raise type(error)(f"{source}: {str(error).removeprefix(f'{source}: ')}") from None
+        said = str(error).removeprefix(f"{source}: ")
+        whole = len(f"{BEFORE}{source}: {said}") <= LONGEST
+        raise type(error)(f"{source if whole else source.rpartition('/')[2]}: {said}") from None
 
 
 class MissingExtraError(ContactWrenchError, ImportError):
