@@ -1,7 +1,8 @@
 """What can go wrong, by kind. Every message is one line: what was found, what was expected, what to do."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -59,6 +60,19 @@ class UnobservableError(ContactWrenchError, ArithmeticError):
 
 class AmbiguityError(ContactWrenchError, ValueError):
     """Free-air data fit two readings; the message names both, and the flag that decides."""
+
+
+@contextmanager
+def naming(source: str) -> Iterator[None]:
+    """What the readings of a recording cannot tell, or contradict, begins with its name: with its folder where that
+    leaves all words on a terminal.
+    """
+    try:
+        yield
+    except (UnobservableError, AmbiguityError) as error:
+        said = str(error).removeprefix(f"{source}: ")
+        whole = len(f"{BEFORE}{source}: {said}") <= LONGEST
+        raise type(error)(f"{source if whole else source.rpartition('/')[2]}: {said}") from None
 
 
 class MissingExtraError(ContactWrenchError, ImportError):

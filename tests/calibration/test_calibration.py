@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.calibration.text import verdict_sentences
 from contactwrench.errors import InputError
-from contactwrench.statistics import two_digits
+from contactwrench.statistics import meaningful_digits, two_digits
 from tests.support.recordings import PANDA
 from tests.support.rigs import NOISE, example, noise_free, noisy, samples_of_a_design
 from tests.support.world import DOWN, Array, Rig, cramer_rao, derivatives, random_rotations, readings, tilted_down
@@ -285,3 +285,17 @@ def test_a_calibration_is_saved_under_a_path() -> None:
         with pytest.raises(InputError) as raised:
             _calibration("mount").save(path)  # type: ignore[arg-type]
         assert str(raised.value) == f"path is {found}, expected a str or a Path: name a file"
+
+
+def test_every_number_of_an_affine_model_is_printed_with_its_std_and_unit() -> None:
+    calibration = cw.calibrate(cw.read(PANDA), "affine")
+    lines = str(calibration).splitlines()
+    shown = {line.split()[0]: line for line in lines if " +- " in line}
+    std = np.sqrt(np.diag(calibration.covariance))
+    for name, value, spread in zip(calibration.parameter_names, calibration.parameters, std, strict=True):
+        axis = name[2:4]
+        unit = "N" if axis[0] == "f" else "N m"
+        of_name, *of_rest = shown[f"bias_{axis}" if name.endswith("_1") else name].split()
+        assert of_name in (name, f"bias_{axis}")
+        assert " ".join(of_rest) == f"{' +- '.join(meaningful_digits(value, spread))} {unit}"
+    assert max(map(len, lines[2:26])) <= 80

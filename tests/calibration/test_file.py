@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,15 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.calibration.file import SCHEMA, to_json
+from contactwrench.calibration.alternative import Alternative
+from contactwrench.calibration.consistency import FOLLOWS, Derived
+from contactwrench.calibration.dynamics import Dynamics
+from contactwrench.calibration.file import ADDED, SCHEMA, to_json
 from contactwrench.calibration.observability import Observability
 from contactwrench.errors import FileAccessError, FileFormatError
+from contactwrench.samples.accelerometer import Accelerometer
 from contactwrench.samples.poses import Pose, PoseMoments, moments_of_poses
+from contactwrench.samples.still_noise import StillNoise
 from tests.support.recordings import PANDA, PAPER, written
 from tests.support.rigs import example, noisy
 
@@ -193,6 +198,55 @@ def test_a_missing_key_is_named(tmp_path: Path, key: str) -> None:
     del values[key]
     assert refusal(tmp_path, values) == (
         f"Object missing required field `{key}`, expected a saved calibration: {AGAIN}"
+    )
+
+
+@pytest.mark.parametrize("key", [key for key in ADDED if "." not in key][:-1])
+def test_a_key_that_an_older_file_lacks_is_missed_in_one_that_has_later_ones(tmp_path: Path, key: str) -> None:
+    """An older file lacks all that came later: one that was cut by hand is none."""
+    values = saved()
+    del values[key]
+    assert refusal(tmp_path, values) == (
+        f"Object missing required field `{key}`, expected a saved calibration: {AGAIN}"
+    )
+    older = {name: value for name, value in saved().items() if name not in ADDED[ADDED.index(key) :]}
+    assert cw.Calibration.load(written(tmp_path, json.dumps(older))).weight == calibration_of("mount").weight
+
+
+def test_every_key_that_may_be_missing_has_its_place() -> None:
+    parts = {Dynamics: "dynamics.", Accelerometer: "dynamics.accelerometer.", StillNoise: "still_noise."}
+    parts |= {Pose: "poses.", PoseMoments: "moments.", Observability: "observability.", Alternative: "alternatives."}
+    may = {
+        f"{where}{each.name}"
+        for form, where in {cw.Calibration: "", Derived: "", **parts}.items()
+        for each in fields(form)
+        if (each.default, each.default_factory) != (MISSING, MISSING)
+    }
+    assert sorted(ADDED) == sorted({*may, *FOLLOWS, "findings"})
+
+
+def test_a_key_of_an_object_is_missed_too_where_a_later_one_is_there(tmp_path: Path) -> None:
+    last = ADDED.index("orientation_std")
+    values = {key: value for key, value in saved().items() if key not in ADDED[last:]}
+    values["dynamics"] = {"matrix": []}
+    assert "`inertia` - at `$.dynamics`" in refusal(tmp_path, values)
+    assert refusal(tmp_path, values | {"orientation_std": None}) == (
+        f"Object missing required field `accelerometer` - at `$.dynamics`, expected a saved calibration: {AGAIN}"
+    )
+
+
+@pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity"])
+@pytest.mark.parametrize(
+    ("path", "where"),
+    [(("weight",), "weight"), (("bias", 2), "bias[2]"), (("poses", 1, "wrench", 5), "poses[1].wrench[5]")],
+)
+def test_what_is_no_number_is_named_with_its_key(
+    tmp_path: Path, constant: str, path: tuple[str | int, ...], where: str
+) -> None:
+    values = saved()
+    replaced(*path, by=float(constant))(values)
+    assert refusal(tmp_path, values) == (
+        f"Expected `float`, got {constant} - at `$.{where}`, expected a saved calibration: {AGAIN}"
     )
 
 

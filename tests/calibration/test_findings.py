@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.calibration.file import to_json
+from contactwrench.calibration.file import ADDED, to_json
 from contactwrench.calibration.findings import Doubt, Finding, Kind, Severity
 from contactwrench.calibration.text import describe, verdict_sentences
 from contactwrench.errors import FileFormatError
@@ -98,14 +98,20 @@ def test_the_error_to_expect_counts_what_poses_differ_by() -> None:
     assert sure.expected_error[0] == pytest.approx(np.linalg.norm(good().noise[:3]), rel=1e-6)
 
 
-def test_the_verdict_and_the_error_are_saved_beside_the_fields_and_not_read(tmp_path: Path) -> None:
+def test_the_verdict_and_the_error_are_saved_beside_the_fields_and_held_against_them(tmp_path: Path) -> None:
     values = saved(weak())
     assert values["verdict"] == "weak"
     assert tuple(values["expected_error"]) == weak().expected_error
-    values |= {"verdict": "splendid", "expected_error": None}
-    assert loaded(tmp_path, values).verdict == "weak"
-    del values["verdict"], values["expected_error"]
     assert loaded(tmp_path, values).expected_error == weak().expected_error
+    for stated in ("good", "splendid", "doubtful"):
+        with pytest.raises(FileFormatError) as caught:
+            loaded(tmp_path, values | {"verdict": stated})
+        assert str(caught.value).endswith(
+            f"tool.json: verdict is {stated!r}, and findings make it 'weak', expected a file as it was saved: "
+            "calibrate again or restore the file"
+        )
+    older = {key: value for key, value in values.items() if key not in ADDED[ADDED.index("verdict") :]}
+    assert loaded(tmp_path, older).verdict == "weak"
 
 
 def test_a_weak_finding_says_so_for_those_who_read_texts_only() -> None:
@@ -127,7 +133,7 @@ def test_warnings_are_the_texts_of_the_findings_in_their_order() -> None:
 
 def test_a_file_from_before_findings_tells_how_bad_its_warnings_are(tmp_path: Path) -> None:
     values = saved(weak())
-    del values["findings"]
+    values = {key: value for key, value in values.items() if key not in ADDED[ADDED.index("findings") :]}
     before = loaded(tmp_path, values)
     assert before.warnings == weak().warnings
     assert before.verdict == weak().verdict

@@ -279,6 +279,28 @@ def test_bad_use_is_one_line_and_status_2(capsys: Capture, arguments: list[str |
     assert run(capsys, *arguments).complaint == message
 
 
+@pytest.mark.parametrize(
+    ("rows", "options", "found"),
+    [
+        (2, (), "cannot separate "),
+        (2, ("--model", "affine"), "cannot separate "),
+        (2, ("--model", "paper"), "cannot separate "),
+        (17, ("--sign", "reaction"), "only a negative weight explains these readings ("),
+        (17, ("--model", "mount+base", "--gravity", "0,1,0.2"), "gravity comes out "),
+        (17, ("--model", "dynamic"), "found no times, "),
+    ],
+)
+def test_what_readings_cannot_tell_is_said_of_their_file(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, rows: int, options: tuple[str, ...], found: str
+) -> None:
+    """Of one file, as of each with --shared."""
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, "\n".join(PANDA.read_text().splitlines()[: 4 + rows]))
+    said = run(capsys, "calibrate", "poses.csv", *options).complaint
+    assert said.startswith(f"poses.csv: {found}")
+    assert said.count("poses.csv") == 1
+
+
 @pytest.mark.slow
 def test_data_that_cannot_give_the_answer_are_one_line_and_status_2(tmp_path: Path, capsys: Capture) -> None:
     lines = PANDA.read_text().splitlines()

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from contactwrench.live.uri import SINKS, SOURCES, known_sinks, known_sources
+from tests.support.recordings import run
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "contactwrench_example_sensor"
 
@@ -21,6 +22,16 @@ def test_every_device_says_what_it_is() -> None:
         for each in known:
             assert each.error == ""
             assert all((each.form, each.about, each.rate, each.tested)), each
+
+
+def test_no_line_is_wider_than_a_terminal_and_no_word_is_broken(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys, "devices").out
+    assert max(map(len, out.splitlines())) <= 80
+    without_blanks = "".join(out.split())
+    for each in (*known_sources(), *known_sinks()):
+        assert "".join(each.form.split()) in without_blanks
+        for text in (each.about, each.rate, each.tested):
+            assert set(text.split()) <= set(out.split())
 
 
 @pytest.mark.slow

@@ -46,10 +46,20 @@ def test_a_file_is_a_recording_at_rest_read_with_the_same_options(tmp_path: Path
     assert np.array_equal(cw.Calibration.load(tool).covariance, cw.calibrate(read[0], noise=read[1]).covariance)
 
 
-@pytest.mark.parametrize("noise", ["0", "-1", "nan", "inf", "0.1N"])
+def test_six_numbers_are_the_std_of_each_axis(tmp_path: Path, capsys: Capture, poses: Path) -> None:
+    six = ",".join(map(str, NOISE))
+    assert run(capsys, "calibrate", poses, "--noise", six, "-o", tmp_path / "tool.json").status == 0
+    stated = cw.Calibration.load(tmp_path / "tool.json")
+    np.testing.assert_allclose(stated.covariance, cw.calibrate(cw.read(poses), noise=NOISE).covariance, rtol=1e-9)
+
+
+@pytest.mark.parametrize("noise", ["0", "-1", "nan", "inf", "0.1N", "0,1", "0.1,0.1,0.1", "0.1,0.1,0.1,0.1,0.1,0"])
 def test_a_noise_that_is_none(capsys: Capture, poses: Path, noise: str) -> None:
     complaint = run(capsys, "calibrate", poses, f"--noise={noise}").complaint
-    assert complaint == f"--noise is {noise}, expected 1e-09 to 1e+06 N, or a recording of a sensor at rest"
+    assert (
+        complaint
+        == f"--noise is {noise}, expected 1e-09 to 1e+06 N, six with commas, fx..tz, or a recording of a sensor at rest"
+    )
 
 
 def test_a_noise_that_is_no_file(capsys: Capture, poses: Path) -> None:

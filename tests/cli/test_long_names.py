@@ -79,7 +79,9 @@ def test_of_signs_and_poses(tmp_path: Path, capsys: Capture, model: str) -> None
             if done.status == 2:
                 assert len(done.err) <= LONGEST + 1
                 assert "…" not in done.err or "likely in radians" in done.err
-                found.add(done.err.split(": ")[1][:20])
+                name, said = done.err.split(": ")[1:3]
+                assert name in (str(path), path.name)
+                found.add(said[:20])
     assert len(found) > 2
 
 

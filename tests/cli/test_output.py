@@ -30,6 +30,7 @@ VERBS = (
     "simulate",
     "demo",
     "export",
+    "devices",
 )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
 from collections.abc import Callable, Iterator
 from inspect import Parameter, signature
 from itertools import cycle
@@ -19,7 +20,7 @@ from contactwrench.cli.outputs import Writes, guarded
 from contactwrench.errors import FileAccessError
 from contactwrench.files import write_text
 from contactwrench.report.html import page as html_page
-from tests.support.recordings import PANDA, run, written
+from tests.support.recordings import PANDA, PAPER, run, written
 
 Capture = pytest.CaptureFixture[str]
 
@@ -287,8 +288,8 @@ def test_what_is_there_is_replaced_with_force_alone(one_file: Path) -> None:
     with pytest.raises(FileAccessError):
         verb(report=page)
     page.write_text(html_page("title", (), "body"))
-    Path("to-page.csv").symlink_to(page)
-    verb(report=Path("to-page.csv"))
+    Path("to-page.html").symlink_to(page)
+    verb(report=Path("to-page.html"))
     assert page.read_text() == "new"
 
 
@@ -418,3 +419,109 @@ def test_a_folder_s_name_may_end_with_a_slash(tmp_path: Path, capsys: Capture) -
     file = written(tmp_path, "1", "file")
     assert run(capsys, "demo", "--out", f"{file}//demo/").status != 0  # no folder in a file
     assert run(capsys, "demo", "--out", f"{tmp_path}/demo/").status == 0
+
+
+ONE_ON_STDOUT = "expected one output on standard output: name a file for the others"
+
+
+@pytest.mark.parametrize(
+    ("verb", "arguments", "found"),
+    [
+        ("calibrate", ("--json", "--report", "-"), "--json and --report -"),
+        ("calibrate", ("-o", "-", "--report", "-"), "--output - and --report -"),
+        ("calibrate", ("-o", "-", "--json", "--report", "-"), "--output - and --json and --report -"),
+        ("compensate", ("-c", "gone.json", "-o", "-", "--report", "-"), "--output - and --report -"),
+        ("compensate", ("-c", "gone.json", "--report", "-"), "--output - and --report -"),
+    ],
+)
+def test_two_outputs_on_stdout_are_refused_before_anything_is_read(
+    capsys: Capture, verb: str, arguments: tuple[str, ...], found: str
+) -> None:
+    assert run(capsys, verb, "gone.csv", *arguments).complaint == f"found {found}, {ONE_ON_STDOUT}"
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_page_on_stdout_is_all_that_is_there(tmp_path: Path, capsys: Capture) -> None:
+    saved, table = tmp_path / "tool.json", tmp_path / "contact.csv"
+    for arguments in (
+        ("calibrate", PANDA, "-o", saved, "--report", "-"),
+        ("calibrate", PANDA, "--report", "-"),
+        ("compensate", PANDA, "-c", saved, "-o", table, "--rate", "10", "--report", "-"),
+    ):
+        done = run(capsys, *arguments)
+        assert done.status == 0
+        assert done.out.startswith("<!doctype html>")
+        assert done.out.endswith("</html>\n")
+    assert f"Wrote the contact wrenches, 17 rows, to {table}" in done.err
+    assert run(capsys, "calibrate", PANDA, "-o", "-", "--json").out.count('"schema"') == 1  # one and the same
+
+
+SEVERAL = {
+    "calibrate": ("calibrate", PANDA, "-o", "z.json", "--report", "{}/z.html"),
+    "calibrate, the other": ("calibrate", PANDA, "--report", "z.html", "-o", "{}/z.json"),
+    "several tools": ("calibrate", PANDA, PAPER, "--shared", "mount", "-o", "{}/tools"),
+    "compensate": ("compensate", "gone.csv", "-c", "gone.json", "-o", "z.csv", "--report", "{}/z.html"),
+    "plan": ("plan", "-o", "{}/z.csv"),
+    "export": ("export", "gone.json", "--to", "ur", "-o", "{}/z.txt"),
+    "simulate": ("simulate", "-o", "{}/z.csv"),
+    "live": ("live", "--sensor", "sri://gone", "--record", "{}/z.csv"),
+    "live, a sink": ("live", "--sensor", "sri://gone", "--out", "udp://127.0.0.1:9", "--out", "{}/z.csv"),
+    "live, its result": ("live", "--sensor", "sri://gone", "-o", "{}/z.json"),
+    "demo": ("demo", "--out", "{}/demo"),
+}
+
+
+@pytest.mark.parametrize("arguments", SEVERAL.values(), ids=SEVERAL)
+def test_the_folder_of_every_output_is_looked_at_before_anything_is_done(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str | Path, ...]
+) -> None:
+    """A folder that is none, and one in which the system lets nobody make a file."""
+    monkeypatch.chdir(tmp_path)
+    asked = [str(each).replace("{}", "/proc") for each in arguments]
+    said = run(capsys, *asked).complaint
+    assert said.startswith("/proc/")
+    assert said.endswith(
+        ": cannot be written (no such file or directory): check the space on the disk and the permissions"
+    )
+    if arguments[0] != "demo" and "--shared" not in arguments:  # which make it
+        asked = [str(each).replace("{}", "none") for each in arguments]
+        said = run(capsys, *asked).complaint
+        assert said.endswith(f": found no folder {tmp_path / 'none'}, expected one: make it first")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_page_that_cannot_be_drawn_is_refused_before_anything_is_written(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    saved = tmp_path / "tool.json"
+    said = run(capsys, "calibrate", PANDA, "-o", saved, "--report", tmp_path / "r.html").complaint
+    assert said.startswith("the report needs matplotlib, which ")
+    assert not saved.exists()
+
+
+@pytest.mark.parametrize(
+    ("output", "report", "name", "expected"),
+    [
+        ("q.csv", "r.html", "q.csv", ".json"),
+        ("q.PARQUET", "r.html", "q.PARQUET", ".json"),
+        ("q.html", "r.html", "q.html", ".json"),
+        ("q.json", "r.json", "r.json", ".html"),
+        ("q.json", "r.mcap", "r.mcap", ".html"),
+    ],
+)
+def test_a_name_of_another_kind_of_file_is_refused(
+    tmp_path: Path, capsys: Capture, output: str, report: str, name: str, expected: str
+) -> None:
+    outputs = "-o", tmp_path / output, "--report", tmp_path / report
+    said = run(capsys, "calibrate", "gone.csv", *outputs).complaint
+    suffix = Path(name).suffix.lower()
+    assert said == f"{tmp_path / name}: found the suffix {suffix}, expected {expected}: name it so"
+
+
+def test_a_name_without_a_suffix_or_with_one_s_own_is_taken(tmp_path: Path, capsys: Capture) -> None:
+    for name in ("tool", "tool.cal", "tool.JSON", "tool.2026"):
+        assert run(capsys, "calibrate", PANDA, "-o", tmp_path / name, "--model", "mount").status == 0
+    folder = tmp_path / "tools.csv"
+    said = run(capsys, "calibrate", PANDA, "gone.csv", "--shared", "mount", "-o", folder).complaint
+    assert said.startswith("gone.csv: there is no such file")

@@ -335,7 +335,10 @@ def test_the_calibrations_delay_is_made_up_for_where_it_is_more_than_chance(
             ["--sensor-filter", "-3"],
             "--sensor-filter -3: cut-off of a low-pass is -3, expected 0.001 to 1e+06 Hz",
         ),
-        (["--noise", "0"], "--noise is 0, expected 1e-09 to 1e+06 N, or a recording of a free tool"),
+        (
+            ["--noise", "0"],
+            "--noise is 0, expected 1e-09 to 1e+06 N, six with commas, fx..tz, or a recording of a free tool",
+        ),
         (["--noise", "gone.csv"], "gone.csv: there is no such file, expected a readable file: check the path"),
         (["--output-frame", "tool"], "output frame is 'tool', expected sensor, flange, base"),
         (

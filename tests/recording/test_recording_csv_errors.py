@@ -283,7 +283,7 @@ def test_angles_in_degrees_are_not_read_as_a_rotation_vector_in_radians(tmp_path
 def test_a_negative_load_is_named_in_the_unit_of_its_column(tmp_path: Path) -> None:
     table = f"{QUAT_HEADER},load_g\n{GOOD},0\n# hung\n{GOOD},-250\n"
     assert refusal(written(tmp_path, table)) == (
-        "row 4, column load_g: found -250, expected 0 or 1e-06 to 1e+06 kg: correct it or leave the row out"
+        "row 4, column load_g: found -250, expected 0 or 0.001 to 1e+09 g: correct it or leave the row out"
     )
 
 

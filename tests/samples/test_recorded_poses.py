@@ -193,7 +193,7 @@ def test_a_run_that_never_stops_is_refused_in_one_line(rate: float) -> None:
     said = str(refusal.value)
     assert said.startswith("virtual rig: found no stretch in ")
     assert " s in which arm and reading are still" in said
-    assert said.endswith(": stop for a second or two at each orientation, or, with --prior, at one")
+    assert said.endswith(": stop for a second or two at each orientation; calibrate --prior needs one")
     assert "\n" not in said
 
 

@@ -126,7 +126,7 @@ def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: 
     try:
         cal = calibrate(samples, model, gravity=d)
     except (UnobservableError, AmbiguityError) as refusal:
-        return replace(assumed, refusal=f"{samples.source}: {refusal}")
+        return replace(assumed, refusal=str(refusal))
     return Expected(tool_of(cal), cal.noise, samples.source, None, _noise_of_readings(cal.still_noise))
 
 

@@ -35,6 +35,7 @@ class Derived:
 
     std: dict[str, float | list[float] | None]
     warnings: list[str]
+    verdict: str | None = None
     expected_error: Vector | None = None
     left_of_poses: Vector | None = None
 
@@ -203,7 +204,7 @@ def _check_B_covariance(c: CalibrationFields, J: Array) -> None:
 
 
 def _check_derived(c: CalibrationFields, derived: Derived) -> None:
-    """Raise `InputError` unless the standard deviations and the warnings are those of the fields."""
+    """Raise `InputError` unless standard deviations, warnings and the verdict are those of the fields."""
     for name, value in c.std.items():
         stored = derived.std.get(name)
         if (stored is None) != (value is None):
@@ -213,6 +214,8 @@ def _check_derived(c: CalibrationFields, derived: Derived) -> None:
             _require_near(f"std.{name}", np.asarray(stored), value, "covariance")
     if tuple(derived.warnings) != c.warnings:
         raise InputError(f"found warnings other than the texts of findings, {UNEDITED}")
+    if derived.verdict not in (None, c.verdict):
+        raise InputError(f"verdict is {derived.verdict!r}, and findings make it {c.verdict!r}, {UNEDITED}")
     _require_shape("expected_error", derived.expected_error, (2,))
     _require_shape("left_of_poses", derived.left_of_poses, (6,))
     left = c.left_of_poses

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import json
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from threading import Lock
@@ -22,6 +23,17 @@ from .findings import Kind, Severity
 SCHEMA = "contactwrench/calibration/1"
 _FAMILY, _, _NUMBER = SCHEMA.rpartition("/")
 _AGAIN = "calibrate again or restore the file"
+ADDED = (
+    *("parameter_dof", "assumptions", "alternatives"),  # with auto
+    *("delay", "delay_std"),  # with recordings
+    *("findings", "verdict", "expected_error"),
+    *("still_noise", "gain_covariance", "left_of_poses"),
+    *("dynamics", "dynamics.accelerometer", "dynamics.accelerometer.delay", "dynamics.accelerometer.drift"),
+    *("orientation_std", "still_noise.row_std"),
+)
+"""Keys that the first files did not have, in the order in which they came, those of an object with its name: a file
+that has one of them has all before it, or was cut. A new key goes to the end.
+"""
 _ONE_AT_A_TIME = Lock()  # msgspec 0.22 crashes where two threads look at a type for the first time
 
 Form = TypeVar("Form", bound=CalibrationFields)
@@ -50,7 +62,8 @@ def load(path: str | Path, form: type[Form]) -> Form:
         values = msgspec.json.decode(content)
         json.loads(content, object_pairs_hook=_each_once)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileFormatError(f"{path}: no whole JSON file ({error}), expected a saved calibration: {_AGAIN}") from None
+        found = _no_number(content) or f"no whole JSON file ({error})"
+        raise FileFormatError(f"{path}: {found}, expected a saved calibration: {_AGAIN}") from None
     schema = values.get("schema") if isinstance(values, dict) else None
     if schema != SCHEMA:
         number, remedy = str(schema).rpartition("/")[2], _AGAIN
@@ -60,6 +73,7 @@ def load(path: str | Path, form: type[Form]) -> Form:
             remedy = "upgrade contactwrench"
         raise FileFormatError(f"{path}: found schema {repr(schema)[:60]}, expected {SCHEMA!r}: {remedy}")
     try:
+        _require_all_before(values)
         with _ONE_AT_A_TIME:
             derived = msgspec.convert(values, Derived, dec_hook=_array)
             calibration = msgspec.convert(_with_findings(values, derived.warnings), form, dec_hook=_array)
@@ -77,6 +91,44 @@ def load(path: str | Path, form: type[Form]) -> Form:
 def _each_once(pairs: list[tuple[str, Any]]) -> None:
     if len(dict(pairs)) < len(pairs):
         raise msgspec.DecodeError(f"a key is there twice beside {pairs[0][0][:40]!r}")
+
+
+def _require_all_before(values: dict[str, Any]) -> None:
+    """Raise `msgspec.ValidationError`, in its words, for a key of `ADDED` that a file with a later one lacks."""
+    lacking = ""
+    for key in ADDED:
+        within: Any = values
+        *whole, part = key.split(".")
+        for name in whole:
+            within = within.get(name) if isinstance(within, dict) else None
+        if isinstance(within, dict) and part not in within:
+            place = f" - at `$.{'.'.join(whole)}`" if whole else ""
+            lacking = lacking or f"Object missing required field `{part}`{place}"
+        elif isinstance(within, dict) and lacking:
+            raise msgspec.ValidationError(lacking)
+
+
+class _Constant(str):
+    """NaN, Infinity or -Infinity, which Python writes and JSON does not have."""
+
+
+def _no_number(content: bytes) -> str:
+    """The first of these in a file, and its place; nothing where something else is wrong."""
+    try:
+        return next(_constants(json.loads(content, parse_constant=_Constant), "$"), "")
+    except (ValueError, RecursionError):
+        return ""
+
+
+def _constants(value: Any, where: str) -> Iterator[str]:
+    if isinstance(value, _Constant):
+        yield f"Expected `float`, got {value} - at `{where}`"
+    elif isinstance(value, dict):
+        for key, each in value.items():
+            yield from _constants(each, f"{where}.{key}")
+    elif isinstance(value, list):
+        for k, each in enumerate(value):
+            yield from _constants(each, f"{where}[{k}]")
 
 
 def _encoded(value: Any) -> str:
@@ -104,8 +156,8 @@ def _whole_path(message: str) -> str:
 
 
 def _with_findings(values: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
-    """A file from before findings has their texts only, in which the word "weak" at the beginning said how bad one is;
-    nothing in it says of what kind.
+    """A file from before findings, and so before the verdict, has their texts only, in which the word "weak" at the
+    beginning said how bad one is; nothing else in it does, and nothing says of what kind.
     """
     if "findings" in values:
         return values

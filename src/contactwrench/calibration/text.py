@@ -103,10 +103,12 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
             rows.append(("weight_z", f"{c.weight_z:.4g}", "", "N, from the z rows; the paper's G"))
         rows.append(_row("mass", c.mass, std["weight"] / c.g, "kg"))
         rows += [_row(f"com_{x}", 1e3 * v, 1e3 * s, "mm") for x, v, s in zip("xyz", c.com, std["com"], strict=True)]
-    rows += [
-        _row(f"bias_{axis}", v, s, "N" if axis[0] == "f" else "N m")
-        for axis, v, s in zip(AXES, c.bias, std["bias"], strict=True)
-    ]
+    units = ["N" if axis[0] == "f" else "N m" for axis in AXES]
+    of_bias = zip(AXES, c.bias, std["bias"], units, strict=True)
+    rows += [_row(f"bias_{axis}", value, spread, unit) for axis, value, spread, unit in of_bias]
+    if c.model == "affine":
+        of_B = zip(c.parameter_names, c.parameters, np.sqrt(np.diag(c.covariance)), np.repeat(units, 4), strict=True)
+        rows += [_row(*row) for row in of_B if not row[0].endswith("_1")]  # which is the bias
     if c.yaw is not None and c.R_flange_sensor is not None:
         side = "along" if c.sensor_z_along_flange else "against"
         rows.append(_row("yaw", np.rad2deg(c.yaw), np.rad2deg(std["yaw"]), f"deg, sensor's z {side} the flange's"))

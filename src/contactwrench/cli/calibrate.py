@@ -46,7 +46,7 @@ def calibrate(
             "--output",
             "-o",
         ),
-        Writes(_calibrations),
+        Writes(_calibrations, suffix=".json"),
     ] = None,
     model: Annotated[
         str, options.text("M", "auto, paper, yaw, mount, mount+base, affine, or dynamic: auto, and the inertia.")
@@ -75,7 +75,8 @@ def calibrate(
     noise: Annotated[
         str | None,
         options.text(
-            "N|REST", "Std of one pose's reading, or a recording at rest. [default: from what the fit leaves]"
+            "N|FX,..,TZ|REST",
+            "Std of one pose's reading, one or six, or a recording at rest. [default: from what the fit leaves]",
         ),
         NAMES_FOLDER,
     ] = None,
@@ -141,7 +142,7 @@ def calibrate(
     options.note(*(() if alike is None else alike.notes))
     if json or str(output) == STDOUT:
         typer.echo(options.visible_lines(done.json), nl=False)
-    else:
+    elif str(report) != STDOUT:
         options.say(done.text, elsewhere=COLUMNS)
         for what, path in done.written:
             options.say(f"Wrote the {what} to {path}")

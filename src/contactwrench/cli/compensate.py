@@ -53,9 +53,9 @@ def compensate(
     noise: Annotated[
         str | None,
         options.text(
-            "N|FREE",
-            "Judging: std of a free tool's reading, its motion's inertia included, or a recording of such motion. "
-            "[default: the noise at rest]",
+            "N|FX,..,TZ|FREE",
+            "Judging: std of a free tool's reading, one or six, its motion's inertia included, or a recording of such "
+            "motion. [default: the noise at rest]",
         ),
         NAMES_FOLDER,
     ] = None,
@@ -140,7 +140,7 @@ def compensate(
     of_g = () if g is None else ("--g has no effect: it makes a weight a mass, and that is the calibration's",)
     options.note(*alike.notes, *of_g, *notes)
     for line in lines:
-        options.say(line, err=str(output) == STDOUT)
+        options.say(line, err=STDOUT in map(str, (output, report)))
 
 
 def _episodes(recording: Recordings, report: Path | None) -> list[int]:

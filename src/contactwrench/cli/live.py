@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError, refuse
-from ..files import already_there, entries, target_of
+from ..files import already_there
 from ..geometry.ranges import CAPACITY, CUTOFF, POSES, WALK, Range
 from . import options
 from .outputs import Writes
@@ -53,7 +53,7 @@ def live(
     output: Annotated[
         Path | None,
         options.text("CAL.json", "Where what is accepted is saved. [default: live-DATE.json]", "--output", "-o"),
-        Writes(),
+        Writes(suffix=".json"),
     ] = None,
     sign: Annotated[
         str | None, options.text("pull|reaction", "Of the readings. [default: the push test tells]")
@@ -116,9 +116,6 @@ def live(
     )
     host, port = _address(listen)
     known = None if calibration is None else Calibration.load(calibration)
-    if output is not None:
-        target_of(output)
-        entries(output.absolute().parent)
     sources = _sources(sensor, robot, recorded, speed)
     wish = _wish(wanted, poses, sign, gravity, sources["sensor"].uri, arm)
     running = Options(lowpass, drift, _ranges(ranges))

@@ -15,7 +15,7 @@ import typer
 
 from ..errors import InputError, shortened, visible
 from ..geometry.arrays import Array
-from ..geometry.ranges import DIRECTION, NOISE, ON_FLANGE, G, Range
+from ..geometry.ranges import DIRECTION, NOISE, NOISE_OF_AXIS, ON_FLANGE, G, Range
 
 Result = TypeVar("Result")
 MOST_COLUMNS = 120
@@ -64,18 +64,18 @@ def spelled(run: Callable[..., Any], parameters: Collection[Parameter]) -> Calla
 
 
 def noise_or_file(text: str, what: str) -> Array | Path:
-    """What --noise says: std (6,) from a number, N; or the file with a recording of `what`. Raises `InputError`."""
+    """What --noise says: std (6,), or from a number, N; or the file with a recording of `what`. Raises `InputError`."""
     from ..estimation.noise import with_torques
 
     try:
-        std = float(text)
+        std = np.array([float(part) for part in text.split(",")])
     except ValueError:
         if not re.fullmatch(r"[+-]?\d+([.,]\d+)?\s*[A-Za-z ]{0,4}", text):
             return Path(text)
-        std = np.nan
-    if len(NOISE.outside(np.array([std]))):
-        raise InputError(f"--noise is {text}, expected {NOISE}, or a recording of {what}")
-    return with_torques(std)
+        std = np.empty(0)
+    if len(std) not in (1, 6) or len((NOISE if len(std) == 1 else NOISE_OF_AXIS).outside(std)):
+        raise InputError(f"--noise is {text}, expected {NOISE}, six with commas, fx..tz, or a recording of {what}")
+    return with_torques(std[0]) if len(std) == 1 else std
 
 
 def numbers(text: str, option: str, form: str, within: Range, count: int | None = None) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextvars import copy_context
 from dataclasses import dataclass
@@ -15,10 +16,11 @@ from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any, Final, TypeAlias, get_args
 
-from ..errors import FileAccessError
-from ..files import KEPT, STDOUT, already_there, identity, parts_of, target_of
+from ..errors import FileAccessError, InputError, of_extra
+from ..files import KEPT, STDOUT, already_there, cause_named, identity, parts_of, target_of
 from ..recording.bags.folder import METADATA
 from ..recording.bags.open import SUFFIXES_OF_BAGS
+from ..recording.tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
 from ..recording.tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from . import options
 
@@ -29,6 +31,7 @@ NAMES_FOLDER: Final = "names a folder"
 """In the annotation of a text: it may name a folder that is read, too. A path may always."""
 OF_PAGE = b"<footer>contactwrench "
 """At the end of the pages that the program writes."""
+OF_KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_HDF5, ".csv", ".tsv", ".json", ".html")
 KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, ".zstd")
 
 
@@ -36,11 +39,12 @@ KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, ".zstd")
 class Writes:
     """In the annotation of a path: it is written, or the `files` that follow from it and the values of all arguments. A
     `page` is made anew over one of this program's, as nobody's work is in that; another file that is there and not
-    empty is replaced only with --force.
+    empty is replaced only with --force. A suffix of another kind of file than `suffix`, a page's .html, is refused.
     """
 
     files: Callable[[Path, Mapping[str, Any]], Iterable[Path]] = lambda path, _: [path]
     page: bool = False
+    suffix: str = ""
 
 
 def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
@@ -63,19 +67,36 @@ def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
             for value in (values[name] if isinstance(values[name], list) else [values[name]])
             for key, text in _read(value, or_folder=isinstance(value, Path) or NAMES_FOLDER in marks[name])
         }
+        _require_one_on_stdout(outputs, values)
         within = copy_context()
         within.run(KEPT.set, _to_be_kept(outputs, values, read))
+        for name, mark in outputs.items():
+            _require_suffix(mark, mark.files(values[name], values) if values[name] is not None else ())
         return within.run(verb, **{name: values[name] for name in own})
 
     return options.spelled(run, {**own, "force": own.get("force", force)}.values())
 
 
+def _require_one_on_stdout(outputs: Mapping[str, Writes], values: Mapping[str, Any]) -> None:
+    """Raise `InputError` for a page on stdout beside anything else: nobody could tell where one of them ends."""
+    there = [name for name in outputs if str(values[name]) == STDOUT]
+    page = next((f"--{name} -" for name in there if outputs[name].page), None)
+    others = [f"--{name} -" for name in there if not outputs[name].page] + ["--json"] * bool(values.get("json"))
+    if page and others:
+        raise InputError(
+            f"found {' and '.join([*others, page])}, expected one output on standard output: name a file for the others"
+        )
+
+
 def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: Mapping[Key, str]) -> set[Path]:
     """The places at which a file that appears until the end is to be kept, too. Raises `FileAccessError` for an output
-    that is read, for two that are one file, and for a file that is there.
+    that is read, for two that are one file, for a file that is there, and for a folder that is not there or cannot be
+    written; `MissingExtraError` for a page that nothing can draw: of several outputs none is left without the others.
     """
     written, kept = set[Key](), set[Path]()
     for name, mark in outputs.items():
+        if mark.page and values[name] is not None:
+            of_extra("matplotlib", "the report", "report")
         named = values[name] is not None and str(values[name]) != STDOUT
         for file in mark.files(values[name], values) if named else ():
             _require_unread(file, read)
@@ -87,6 +108,7 @@ def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: 
                     raise FileAccessError(f"{text}: found a folder's name, expected a file's: leave out its last /")
             if target.exists() and not target.is_file():
                 continue
+            _require_place(file, target.parent, made=file.parent == values[name])
             if identity(target) in written:
                 raise FileAccessError(f"{file}: found two outputs in one file, expected one each: name another")
             written.add(identity(target))
@@ -95,6 +117,22 @@ def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: 
                     raise already_there(file)
                 kept |= set() if target.exists() else {target}
     return kept
+
+
+def _require_suffix(mark: Writes, files: Iterable[Path]) -> None:
+    """Raise `InputError` for a name that is one of another kind of file; any will do where none is expected."""
+    expected = ".html" if mark.page else mark.suffix
+    for file in files:
+        if expected and (suffix := file.suffix.lower()) != expected and suffix in OF_KINDS:
+            raise InputError(f"{file}: found the suffix {suffix}, expected {expected}: name it so")
+
+
+def _require_place(file: Path, folder: Path, *, made: bool) -> None:
+    """Raise `FileAccessError` unless a file can be made in a folder, or, where that is to be `made`, in one above."""
+    while made and not os.path.lexists(folder):
+        file, folder = folder, folder.parent
+    with cause_named(file), tempfile.TemporaryFile(dir=folder):
+        pass
 
 
 def _read(value: object, *, or_folder: bool) -> Iterator[tuple[Key, str]]:

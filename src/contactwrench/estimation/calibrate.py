@@ -21,7 +21,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.difference import origin_of_tool
 from ..calibration.findings import Finding
 from ..calibration.observability import describe
-from ..errors import AmbiguityError, UnobservableError, refuse, with_room_for
+from ..errors import AmbiguityError, UnobservableError, naming, refuse, with_room_for
 from ..geometry.ranges import TILT_STD, G
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import parameters_of, yaw_of_mounting
@@ -107,20 +107,21 @@ def calibrate(
         question = _with_prior(question, prior, stated, samples)
         origin = {"prior": str(prior.provenance.get("source", "arrays")), "tool_from": origin_of_tool(prior)}
     of_place = STANDARD_GRAVITY if prior is None else prior.g
-    recorded = from_recording(samples, question, of_place if g is None else g)
-    contradicted = of_known(known or {}, recorded.readings, question)
-    try:
-        calibration = with_errors_of(assembled(recorded, question, origin), prior)
-        if model == "dynamic":
-            calibration = with_motion(calibration, recorded.samples, sensor_offset)
-        elif prior is not None:
-            calibration = with_earlier_inertia(calibration, prior)
-        return replace(calibration, findings=(*contradicted, *calibration.findings, *inherited(prior)))
-    except (UnobservableError, AmbiguityError) as error:
-        if reason := samples.doubt or "".join(each.text.removeprefix("weak: ") for each in contradicted[:1]):
-            raise type(error)(f"{re.split('[:;] ', str(error))[0]}; but {reason}") from None
-        still = recorded.what_was_still if isinstance(error, UnobservableError) else ""
-        raise type(error)(with_room_for(str(error), still)) from None
+    with naming(samples.source):
+        recorded = from_recording(samples, question, of_place if g is None else g)
+        contradicted = of_known(known or {}, recorded.readings, question)
+        try:
+            calibration = with_errors_of(assembled(recorded, question, origin), prior)
+            if model == "dynamic":
+                calibration = with_motion(calibration, recorded.samples, sensor_offset)
+            elif prior is not None:
+                calibration = with_earlier_inertia(calibration, prior)
+            return replace(calibration, findings=(*contradicted, *calibration.findings, *inherited(prior)))
+        except (UnobservableError, AmbiguityError) as error:
+            if reason := samples.doubt or "".join(each.text.removeprefix("weak: ") for each in contradicted[:1]):
+                raise type(error)(f"{re.split('[:;] ', str(error))[0]}; but {reason}") from None
+            still = recorded.what_was_still if isinstance(error, UnobservableError) else ""
+            raise type(error)(with_room_for(f"{samples.source}: {error}", still)) from None
 
 
 @dataclass(frozen=True, eq=False)

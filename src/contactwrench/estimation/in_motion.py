@@ -61,7 +61,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
     told = samples.position is not None or samples.accelerometer is not None
     if samples.t is not None and told and not is_stream(samples):
-        raise _at_rest(samples, 0.0)
+        raise _at_rest(0.0)
     own = samples.delay, samples.delay_std  # as the motion was aligned, whatever an earlier calibration knew
     followed = _followed(calibration, as_stamped(samples), stated, _applied(samples))
     samples, motion, moments, found, accelerometer, late = followed
@@ -74,7 +74,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         )
     if set(INERTIA) <= set(untold):
         raise UnobservableError(
-            f"{samples.source}: found no excitation of {', '.join(untold)}: the arm turns too slowly, expected angular "
+            f"found no excitation of {', '.join(untold)}: the arm turns too slowly, expected angular "
             "accelerations that the sensor feels: move faster, or take model auto"
         )
     inertia, moved_by = found.inertia, 0.0
@@ -137,7 +137,7 @@ def _followed(
             )
         moments = motion_moments(samples, motion)
         if moments.seconds < (LEAST_SECONDS if k == 0 else 0.5 * LEAST_SECONDS):  # a shift may cut a window
-            raise _at_rest(samples, moments.seconds)
+            raise _at_rest(moments.seconds)
         found = moved(tool, calibration.g, *known, moments, stated, ahead_std, of_rows)
         is_late, is_ahead = (
             abs(off.value) > LEAST_LATE and is_significant(off.value, off.std) for off in (found.late, found.ahead)
@@ -180,9 +180,9 @@ def _accelerometer(calibration: Calibration, samples: Samples) -> tuple[Accelero
     return replace(found, delay=late), covariance
 
 
-def _at_rest(samples: Samples, seconds: float) -> UnobservableError:
+def _at_rest(seconds: float) -> UnobservableError:
     return UnobservableError(
-        f"{samples.source}: found {seconds:.3g} s of motion, expected {LEAST_SECONDS:g} s or more with turns about "
+        f"found {seconds:.3g} s of motion, expected {LEAST_SECONDS:g} s or more with turns about "
         f"every axis, to tell {', '.join(DYNAMIC_PARAMETERS)}: move the arm, or take model auto"
     )
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind
-from ..errors import AmbiguityError, UnobservableError, refuse
+from ..errors import naming, refuse
 from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import (
@@ -102,9 +102,9 @@ def calibrate_shared(
     require_shareable(len(recordings), shared, model, known or {})
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), known or {})
-    recorded = [from_recording(samples, question, g) for samples in recordings]
-    named = [recording.samples.source for recording in recorded]
+    named = [samples.source for samples in recordings]
     sources = [f"{name} {k}" if named.count(name) > 1 else name for k, name in enumerate(named, 1)]
+    recorded = [from_recording(samples, question, g) for samples in recordings]
     messages, leader = _messages(recorded, sharing)
     asked = [
         replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in messages if m is not own)))
@@ -121,10 +121,8 @@ def calibrate_shared(
         agreeing = _agreeing(estimate, recording.readings, estimates[leader], sharing)
         agreed = replace(recording, estimate=agreeing, findings=(*recording.findings, *contradictions))
         origin = {"shared": ", ".join(sharing.names), "shared_with": ", ".join(sources[:k] + sources[k + 1 :])}
-        try:
+        with naming(sources[k]):
             results.append(assembled(agreed, asked[k], origin))
-        except (UnobservableError, AmbiguityError) as error:
-            raise type(error)(f"{sources[k]}: {error}") from None
     return on_one_sensor(results)
 
 

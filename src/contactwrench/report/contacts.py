@@ -121,7 +121,7 @@ def compensate_recording(
         lines.append(f"Wrote the contact wrenches, {what}, to {output}")
     if report is not None:
         write_contact_report(report, "Contact report", log, (str(path),))
-        lines.append(f"Wrote the report to {report}")
+        lines += [f"Wrote the report to {report}"] if str(report) != STDOUT else []
     return lines, notes
 
 

@@ -269,4 +269,4 @@ def _never_still(samples: Samples, still: StillSegments) -> str:
         longest = max(still.rejected, key=lambda segment: segment.n)
         at = f"the longest of {len(still.rejected)} looked at, t = {longest.t_start - t[0]:.4g} s"
         seen += f" ({at}: {longest.rejected})"
-    return f"{samples.source}: {seen}: stop for a second or two at each orientation, or, with --prior, at one"
+    return f"{samples.source}: {seen}: stop for a second or two at each orientation; calibrate --prior needs one"

@@ -6,7 +6,7 @@ How a file becomes named columns of numbers is for csv.py, parquet.py and hdf5.p
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from ...errors import FileFormatError, InputError
 from ...files import name_of
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
-from ...geometry.ranges import LOAD_KG, TIME, per_second
+from ...geometry.ranges import LOAD_KG, TIME, Range, per_second
 from ...samples.samples import CODES, LARGEST_READING, ReadAs, stands_for_none
 from ...statistics import counted
 from . import csv, hdf5, parquet
@@ -175,8 +175,8 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     has_wrench = _rows_there(body, of_wrench, with_wrench, len(roles.wrench), may_be_half=True)
     limit = f"at most {LARGEST_READING:g} N or N m"
     _require(~(np.abs(wrench) > LARGEST_READING), wrench, roles.wrench, body, limit)
-    _require(LOAD_KG.holds(load) | np.isnan(load), load, roles.load, body, str(LOAD_KG))
-    _require(TIME.holds(t), t, roles.t, body, str(TIME))
+    _require(LOAD_KG.holds(load) | np.isnan(load), load, roles.load, body, LOAD_KG)
+    _require(TIME.holds(t), t, roles.t, body, TIME)
     is_flag = (saturated == 0.0) | (saturated == 1.0) | np.isnan(saturated)
     _require(is_flag, saturated, roles.saturated, body, "0 or 1")
     _require((t[:, 1:] >= 0.0) & (t[:, 1:] < 1.0), t[:, 1:], roles.t[1:], body, "nanoseconds of 0 to 1e9")
@@ -210,11 +210,18 @@ def _rows_there(
     return there
 
 
-def _require(good: NDArray[np.bool_], values: Array, columns: Sequence[Column], body: Body, expected: str) -> None:
-    """Raise `FileFormatError` naming the first of `values` (n, k), SI, that is not good, in its column's unit."""
+def _require(
+    good: NDArray[np.bool_], values: Array, columns: Sequence[Column], body: Body, expected: str | Range
+) -> None:
+    """Raise `FileFormatError` naming the first of `values` (n, k), SI, that is not good, in its column's unit, and what
+    is, a range in that unit too.
+    """
     if not good.all():
         index, k = (int(place) for place in np.argwhere(~good)[0])
-        value, name = values[index, k] * columns[k].per_si, columns[k].name
+        value, name, per_si = values[index, k] * columns[k].per_si, columns[k].name, columns[k].per_si
+        if isinstance(expected, Range):
+            unit = columns[k].unit or expected.unit
+            expected = replace(expected, least=expected.least * per_si, most=expected.most * per_si, unit=unit)
         raise FileFormatError(
             f"{body.source}: row {body.row_of(index)}, column {name}: found {value:g}, expected {expected}: correct it "
             "or leave the row out"
