@@ -170,7 +170,7 @@ def test_a_channel_that_sticks_is_not_valid_from_its_first_repeated_row_on(tmp_p
 def test_what_stands_on_from_batch_to_batch_and_batches_without_readings() -> None:
     standing, rows = Standing(), np.arange(60.0)[:, None] * np.ones(6)
     rows[20:, 3] = 7.0
-    stuck = (Reason("stuck: tx has not moved for 30 readings while others did", "stuck"),)
+    stuck = (Reason("in whatever words", "stuck", channel=3),)
 
     def part(of: slice, reasons: tuple[Reason | None, ...]) -> ContactWrenches:
         wrench = rows[of]

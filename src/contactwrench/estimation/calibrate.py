@@ -117,7 +117,7 @@ def calibrate(
             calibration = with_earlier_inertia(calibration, prior)
         return replace(calibration, findings=(*contradicted, *calibration.findings, *inherited(prior)))
     except (UnobservableError, AmbiguityError) as error:
-        if reason := samples.doubt or "".join(each.text.removeprefix("weak: ") for each in contradicted[:1]):
+        if reason := samples.doubt or "".join(each.said for each in contradicted[:1]):
             raise type(error)(f"{re.split('[:;] ', str(error))[0]}; but {reason}") from None
         still = recorded.what_was_still if isinstance(error, UnobservableError) else ""
         raise type(error)(with_room_for(str(error), still)) from None

@@ -57,7 +57,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     """
     for odd in calibration.findings:  # as torques in N mm make it, whose motion tells nothing
         if odd.kind is Kind.IMPLAUSIBLE_TOOL and odd.severity is Severity.WEAK:
-            raise InputError(f"{samples.source}: {odd.text.removeprefix('weak: ')}")
+            raise InputError(f"{samples.source}: {odd.said}")
     stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
     told = samples.position is not None or samples.accelerometer is not None
     if samples.t is not None and told and not is_stream(samples):

@@ -106,7 +106,7 @@ class Runner:
         wrench = np.full(6, nan) if reading.flaw else self.sign * np.array(reading.wrench)
         made = self._compensator(wrench, np.array(orientation), reading.t)
         if why:
-            made = replace(made, valid=False, reason=Reason(why, why.partition(":")[0]))
+            made = replace(made, valid=False, reason=Reason(why))
         if not made.valid:
             self._invalid += 1
             self._fault(made)

@@ -115,9 +115,9 @@ def as_calibrated(
         frame = None if read.inverse_orientation else taken.base_frame  # which names the flange then
         calibration, of_base = in_base_of_recording(calibration, options.base_frame or frame, str(path))
         notes += [of_base] if of_base is not None else []
-    doubts = [finding.text.split(": ") for finding in calibration.findings if finding.severity == calibration.verdict]
-    in_short = [f"the calibration is {': '.join(parts[:2])}" for parts in doubts[:1]]  # `show` has it whole
-    return AsCalibrated(read, calibration, (*notes, *in_short))
+    doubts = [finding.brief for finding in calibration.findings if finding.severity == calibration.verdict]
+    notes += [f"the calibration is {calibration.verdict}: {doubt}" for doubt in doubts[:1]]  # `show` has it whole
+    return AsCalibrated(read, calibration, tuple(notes))
 
 
 def _differences(
