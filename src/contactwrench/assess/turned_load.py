@@ -8,7 +8,7 @@ from ..calibration.calibration import Calibration
 from ..estimation.variance_components import USUAL
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
-from ..model import gravity_in_flange
+from ..model import gravity_in_flange, weight_scale
 
 LEAST_OF_NOISE = 0.05
 """Of the variance of a reading, what is left to noise where the robot's errors seem to be all of it."""
@@ -20,8 +20,7 @@ def largest_turn(calibration: Calibration) -> float:
     """
     if calibration.orientation_std is not None:
         return calibration.orientation_std
-    weight = float(np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False)))
-    return min(float(np.sqrt(np.mean(calibration.noise[:3] ** 2))) / max(weight, 1e-300), USUAL)
+    return min(float(np.sqrt(np.mean(calibration.noise[:3] ** 2))) / max(weight_scale(calibration.B), 1e-300), USUAL)
 
 
 def whitening(
@@ -32,7 +31,7 @@ def whitening(
     (3,) N m, and the tool, whose share is in the variance, where the calibration knows how large it is.
     """
     r = gravity_in_flange(R_base_flange, calibration.gravity_direction)
-    to_sensor = calibration.B[:3, :3] / np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False))
+    to_sensor = calibration.B[:3, :3] / weight_scale(calibration.B)
     turned, noise = np.concatenate([weight * to_sensor, cross_matrix(moment) @ to_sensor]), variance
     if calibration.orientation_std is not None:
         of_tool = calibration.orientation_std * calibration.B[:, :3] @ cross_matrix(r)

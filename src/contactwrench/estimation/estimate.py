@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
-from ..model import RigidTool
+from ..model import RigidTool, weight_scale
 from .bias_drift import Drift
 
 
@@ -60,8 +60,8 @@ class Estimate:
 
     @property
     def weight_scale(self) -> float:
-        """The weight (N), of a model without one the mean singular value of its force matrix."""
-        return float(np.mean(np.linalg.svd(self.B[:3, :3], compute_uv=False)))
+        """As in the model, N."""
+        return weight_scale(self.B)
 
     @property
     def force_left(self) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ...calibration.calibration import Calibration
 from ...errors import InputError
 from ...geometry.arrays import Array
-from ...geometry.rotations import spread_rotations
+from ...geometry.rotations import procrustes, spread_rotations
 from ...model import RigidTool
 from .target import Setup
 
@@ -90,9 +90,7 @@ def _largest(turning: Array, constant: Array) -> float:
         before, largest = largest, float(np.linalg.norm(error, axis=1).max())
         if largest <= before * (1.0 + LEAST_GAIN):
             break
-        U, _, Vt = np.linalg.svd(np.einsum("ijk,ni->nkj", turning, error))
-        U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
-        R = U @ Vt
+        R = procrustes(np.einsum("ijk,ni->nkj", turning, error))
     return largest
 
 
