@@ -53,9 +53,10 @@ class Rsi(UdpFake):
             self._unanswered, self.correction = b"", np.array(correction.groups(), dtype=np.float64)
 
     def _packets(self, t0: float, rows: Array) -> Packets:
-        return [self._cycle(t0 + k / self.clock.rate, self.counter + k) for k in range(len(rows))]
+        return [self.cycle_at(t0 + k / self.clock.rate, self.counter + k) for k in range(len(rows))]
 
-    def _cycle(self, t: float, number: int) -> bytes:
+    def cycle_at(self, t: float, number: int) -> bytes:
+        """The datagram of a cycle, whose answer is waited for from then on."""
         from scipy.spatial.transform import Rotation
 
         self.delays += bool(self._unanswered) and self._was_answered and not self.stopped

@@ -79,8 +79,8 @@ class Reader:
         """Gets something whenever something came."""
         self._given = self._taken = self._full = 0
         self._ended = False
-        self._put(about)
-        self._put(early)
+        self.put(about)
+        self.put(early)
         self._thread = Thread(target=self._run, name=f"reads {source.uri}", daemon=True)
         self._thread.start()
 
@@ -128,17 +128,17 @@ class Reader:
                 if about is None:
                     about = self._source.open()
                     require_same(self._source.uri, self.about, about)
-                    self._put(about)
+                    self.put(about)
                 self._read(about)
             except EndOfStreamError as error:
-                self._put(str(error))
+                self.put(str(error))
                 self._ended = True
                 return
             except ContactWrenchError as error:
-                self._put(str(error))
+                self.put(str(error))
             except Exception as error:  # a source may be anybody's
                 said = " ".join(str(error).split())
-                self._put(f"{self._source.uri}: the source failed ({type(error).__name__}: {said})")
+                self.put(f"{self._source.uri}: the source failed ({type(error).__name__}: {said})")
             finally:
                 about = None
                 self._source.close()
@@ -150,13 +150,14 @@ class Reader:
             batch = self._source.read(READ)
             if batch.samples or batch.notes:
                 last = now()
-                self._put(batch)
+                self.put(batch)
                 while replay and len(self._news) > AHEAD and not self._stop.is_set():
                     self._stop.wait(0.001)
             elif now() - last > HALF_OPEN and not replay and not about.listens:
                 raise DeviceError(f"{self._source.uri}: nothing for {HALF_OPEN:g} s, connecting again")
 
-    def _put(self, news: News) -> None:
+    def put(self, news: News) -> None:
+        """Keep what came until it is taken; of samples no more than can wait."""
         if isinstance(news, Batch):
             if self._given - self._taken >= WAITING or len(self._news) >= WAITING:
                 self._full += len(news.samples)
