@@ -129,8 +129,16 @@ class Diagnosis:
 def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
     """Rank all ways to read a file by what a rigid tool leaves of them.
 
-    `model` that `calibrate` will be asked for: auto, yaw, mount or mount+base. Raises `InputError` for another one, and
-    where no interpretation makes rotations; `UnobservableError` for fewer than 5 poses.
+    Args:
+        file: all ways to read it, of `interpretations`.
+        model: that `calibrate` will be asked for: auto, yaw, mount or mount+base.
+
+    Returns:
+        The best interpretation, the others in their order, and those that these poses cannot tell from it.
+
+    Raises:
+        InputError: another model, or no interpretation that makes rotations.
+        UnobservableError: fewer than 5 poses.
     """
     n = len(file.wrench)
     require_alive(file.wrench, file.source)

@@ -14,6 +14,22 @@ LEAST_OF_NOISE = 0.05
 """Of the variance of a reading, what is left to noise where the robot's errors seem to be all of it."""
 
 
+def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
+    """Gravity's force (n, 3) on the calibrated tool, N, sensor axes: it points down."""
+    return gravity_in_flange(R_base_flange, calibration.gravity_direction) @ calibration.B[:3, :3].T
+
+
+def down_in_sensor(calibration: Calibration, R_base_flange: Array) -> tuple[Array, Array]:
+    """Unit "down" (n, 3) in sensor axes, and its derivative (n, 3, p) with respect to the calibration's parameters."""
+    force = gravity_in_sensor(calibration, R_base_flange)
+    size = np.linalg.norm(force, axis=1)[:, None]
+    down = force / size
+    J = calibration.error_jacobian(R_base_flange)[:, :3].copy()
+    J[:, :, [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]] = 0.0
+    across = np.eye(3) - down[:, :, None] * down[:, None, :]
+    return down, across @ J / size[..., None]
+
+
 def largest_turn(calibration: Calibration) -> float:
     """By how many rad an axis the robot's orientations are off, as far as calibrating tells: no more than would show
     there in the tool's weight, which an object is often several times.

@@ -5,15 +5,16 @@ is another by then.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import ceil, sqrt
 
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY, DELAY_STD, LAG
 from ..samples.delay import is_significant
 from .filters import LowPass, low_pass
-from .state import OF_DOWN, TERMS, Matrix, Row, State, kernel
+from .state import OF_DOWN, OF_FELT, OF_MOTION, TERMS, Matrix, Row, State, kernel
 
 LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
@@ -22,8 +23,16 @@ USUAL_DELAY = 0.05
 TURN_WINDOW = 0.02
 """s: over which a turn is followed; it is over where nothing turns for as long and twice the usual time between poses.
 """
+DENSEST = 10_000.0
+"""Hz: the ring of past orientations and accelerations has room for this many a second."""
 NEXT_TO_NOTHING = 1e-4
 """Of a variance."""
+
+
+def past_of(s: State, rate: float | None) -> Array:
+    """Room for past orientations, and motions and accelerations where they count: as far back as a delay looks."""
+    rows = 4 + ceil(max(s.look_back * (s.delay != 0.0), -s.felt_late) * max(DENSEST, 2.0 * (rate or 0.0)))
+    return np.zeros((rows, OF_DOWN + OF_MOTION * s.knows_inertia + OF_FELT * s.feels))
 
 
 def use_delay(

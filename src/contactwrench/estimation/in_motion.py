@@ -200,8 +200,15 @@ def with_earlier_inertia(calibration: Calibration, earlier: Calibration) -> Cali
 
 
 def as_stamped(samples: Samples, calibration: Calibration | None = None) -> Samples:
-    """The samples with the orientation that belongs to each reading, by their delay or a calibration's: where rows came
-    with one and are late; and where they were paired, by what the calibration's delay is beyond theirs.
+    """The samples with the orientation that belongs to each reading: where rows came with one and are late; and where
+    they were paired, by what the calibration's delay is beyond theirs.
+
+    Args:
+        samples: with times.
+        calibration: whose delay, s, is taken; None: that of the samples.
+
+    Returns:
+        The samples as stamped; the same where no delay is significant.
     """
     of = samples if calibration is None else calibration
     delay, std = of.delay, of.delay_std

@@ -89,7 +89,8 @@ def calibrate_shared(
         recordings: one of each tool.
         shared: `mount` (R_flange_sensor) and `gravity` (base axes): the same in all results, from all recordings.
         model: `auto`, `mount` or `mount+base`.
-        noise, gravity, g, mount_tilt_sd, base_tilt_sd: as of `calibrate`.
+        noise, gravity: as of `calibrate`: std (6,) of one pose's reading, N and N m; direction (3,), base axes.
+        g, mount_tilt_sd, base_tilt_sd: m/s^2; rad an axis, of the priors on mounting and base.
         known: may state `mount` and `gravity`.
 
     Returns:

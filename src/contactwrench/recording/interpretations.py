@@ -62,10 +62,20 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     """All interpretations of a file: of its orientation, times those of its wrench.
 
     The poses are those that `calibrate` takes, each visit to an orientation for itself. Of a wrench without an
-    orientation in its row, a bag's or one of two files, base axes are no interpretation: nothing reads it so. `gravity`
-    (3,) is the stated direction, base axes. Raises `FileAccessError`; `FileFormatError` where columns are missing or
-    hold no numbers, or all rows have a load; `InputError` for options that are none, and for a stream in which the arm
-    never stands still.
+    orientation in its row, a bag's or one of two files, base axes are no interpretation: nothing reads it so.
+
+    Args:
+        path: of the recording.
+        options: of reading, as stated.
+        gravity: (3,) the stated direction, base axes; None: down.
+
+    Returns:
+        The readings, N and N m, and what they and the orientations may mean.
+
+    Raises:
+        FileAccessError: it cannot be read.
+        FileFormatError: columns are missing or hold no numbers, or all rows have a load.
+        InputError: options that are none, or a stream in which the arm never stands still.
     """
     rows = rows_as_written(path, options)
     if not len(rows.wrench):

@@ -89,6 +89,9 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
         gravity: down (3,), base axes, as far as it is known.
         within: the range to search to each side, s, at most a quarter of the recording.
 
+    Returns:
+        The delay and its std, s; where the motion cannot tell it, why.
+
     Raises:
         InputError: stamps that cannot be put in order, streams without a common span.
     """
