@@ -13,8 +13,8 @@ import pytest
 from contactwrench.cli.live_before import COMPILES
 from contactwrench.errors import InputError
 from contactwrench.lab.rsi import Rsi
-from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
+from contactwrench.lab.truth import Plain
 from contactwrench.live import devices
 from contactwrench.live.page import Hub
 from contactwrench.live.pump import WAITING, Reader

@@ -28,7 +28,7 @@ from .faults import BACK, SAME, measured_by, reason_of
 from .filters import LowPass, gains_of_poses, use_low_passes
 from .inertia import use_inertia
 from .noise import between_poses, known_noise, of_pairs, six_numbers, stated_noise
-from .runner import NOTHING_TOLD, TAKEN, by_one_thread, given, heat_told, require_one, results_of, steps_of
+from .runner import NOTHING_TOLD, TAKEN, by_one_thread, heat_told, require_one, results_of, samples_of, steps_of
 from .shaking import known_motion
 from .state import COVARIANCE, ENDED, NOISE_LEARNED, RATE_FOUND, State
 from .step import ASK, WHOLLY, WRENCH_ALONE
@@ -213,7 +213,7 @@ class Compensator:
         """
         moving = () if motion is None else known_motion(self._calibration, orientation, motion)
         place = None if position is None and acceleration is None else told(self._calibration, position, acceleration)
-        samples, width = given(wrench, orientation, t, temperature, self._by_heat, place, *moving)
+        samples, width = samples_of(wrench, orientation, t, temperature, self._by_heat, place, *moving)
         contacts, covariances, taken = list[Contact](), [covariance_of(self._runner.state)], 0
         while taken < len(samples):
             taken = self._runner.advance(samples, width, taken)

@@ -161,9 +161,9 @@ def follow_turn(s: State, now: float, passed: float, fresh: bool, fresh_pose: bo
     held; with it what is missed where down is carried on: as a covariance of down, `of_turn`. Whether they count.
     Nothing is learned of the bias where they are beyond the noise.
     """
-    down, last, turning, counts = s.down, s.last_down, s.turning, False
+    down, last, down_rate, counts = s.down, s.last_down, s.down_rate, False
     if fresh_pose:
-        s.followed = s.since_turn = turning[0] = turning[1] = turning[2] = 0.0
+        s.followed = s.since_turn = down_rate[0] = down_rate[1] = down_rate[2] = 0.0
     else:
         s.since_turn += passed
     turned = down[0] != last[0] or down[1] != last[1] or down[2] != last[2]
@@ -171,13 +171,13 @@ def follow_turn(s: State, now: float, passed: float, fresh: bool, fresh_pose: bo
         since = s.since_turn if turned else passed
         s.followed = max(min(s.followed + since, TURN_WINDOW), since)
         for k in range(3):
-            turning[k] += (down[k] - last[k] - since * turning[k]) / s.followed
+            down_rate[k] += (down[k] - last[k] - since * down_rate[k]) / s.followed
         s.since_turn = 0.0 if turned else s.since_turn
     age = age_of_orientation(s, now)
     off, lateness = s.turned_by, sqrt(s.delay_std * s.delay_std + age * age)
     for k in range(3):
         last[k] = down[k]
-        off[k] = lateness * turning[k]
+        off[k] = lateness * down_rate[k]
     count = 3
     if s.delay < 0.0:
         count = TERMS

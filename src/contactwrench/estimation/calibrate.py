@@ -124,7 +124,7 @@ def calibrate(
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class FittedRecording:
     """A recording less its rows under load, its poses and their `readings`, the `estimate` from them, what was found
     on the way, the `g` (m/s^2) of the place, and how the poses were `found`.
     """
@@ -190,7 +190,7 @@ def _with_prior(question: Question, prior: Calibration, gravity: tuple[Any, Any]
     )
 
 
-def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
+def from_recording(samples: Samples, question: Question, g: float) -> FittedRecording:
     """Poses and the estimate from them, robust, not yet checked: visits where the bias moved. Raises `InputError`."""
     require_samples(samples)
     G.require(g, "g")
@@ -211,7 +211,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     if recorded.lag is not None:
         estimate = fitted(readings.with_lag(recorded.lag), question).with_noise_of(estimate)
     findings += (*of_recording(recorded, _first_time(free)), *rows_apart(recorded, free.wrench), *dead)
-    return Recorded(free, poses, readings, estimate, findings, g, recorded)
+    return FittedRecording(free, poses, readings, estimate, findings, g, recorded)
 
 
 def fitted(readings: PoseReadings, question: Question) -> Estimate:
@@ -225,7 +225,7 @@ def _first_time(samples: Samples) -> float:
     return 0.0 if samples.t is None else float(samples.t.min(initial=np.inf))
 
 
-def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str]) -> Calibration:
+def assembled(recorded: FittedRecording, question: Question, origin: Mapping[str, str]) -> Calibration:
     """The estimate as a Calibration; `origin` joins its provenance. Raises `UnobservableError`, `AmbiguityError`."""
     estimate, poses, kept = recorded.estimate, recorded.poses, recorded.readings.select(recorded.estimate.kept)
     samples, earlier = recorded.samples, question.earlier

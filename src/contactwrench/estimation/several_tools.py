@@ -33,7 +33,7 @@ from ..model import (
 )
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, percent
-from .calibrate import Recorded, assembled, from_recording, question_asked
+from .calibrate import FittedRecording, assembled, from_recording, question_asked
 from .estimate import RigidEstimate
 from .initial_guess import linear_fit
 from .noise import NoiseLike, PoseReadings
@@ -185,7 +185,7 @@ class _Sharing:
         return tuple(pieces)
 
 
-def _messages(recorded: list[Recorded], sharing: _Sharing) -> tuple[list[Message], int]:
+def _messages(recorded: list[FittedRecording], sharing: _Sharing) -> tuple[list[Message], int]:
     """What each recording says, and which of them knows most."""
     alone = [recording.estimate for recording in recorded if isinstance(recording.estimate, RigidEstimate)]
     told = [recording.readings.with_lag(recording.found.lag) for recording in recorded]

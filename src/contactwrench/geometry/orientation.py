@@ -232,7 +232,7 @@ CONVENTIONS: dict[str, Convention] = {
 
 USUAL_NAMES = ("quat_xyzw", "matrix", "kuka_abc", "fanuc_wpr", "ur_rotvec")
 RECOGNISED_BY_NAME = (*USUAL_NAMES, "rpy", "franka_matrix")
-"""The conventions that a file's column names tell by themselves, without a flag; usual names first of all."""
+"""The conventions that a file's column names tell by themselves, without an option; usual names first of all."""
 
 
 def convention(text: str) -> Convention:

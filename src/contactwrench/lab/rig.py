@@ -28,7 +28,7 @@ from ..simulate.sensor import SensorStream
 from ..simulate.settings import Settings
 from ..simulate.trajectory import MOVE_SPEED, RISE, share_of_push
 from . import motion
-from .signals import FlangePose
+from .truth import FlangePose
 
 Axes: TypeAlias = Literal["sensor", "flange", "base"]
 Point: TypeAlias = Literal["hook", "axis"]
@@ -67,7 +67,7 @@ class _Push:
 
 
 class Sensor:
-    """The lab's signal as one device sees it: a sensor of its own, with its own noise, filter and bias in motion."""
+    """The lab's truth as one device sees it: a sensor of its own, with its own noise, filter and bias in motion."""
 
     def __init__(self, lab: Lab, seed: int) -> None:
         self._lab, self._rng = lab, np.random.default_rng(seed)
@@ -83,7 +83,7 @@ class Sensor:
 
 
 class Lab:
-    """The virtual lab; it begins at rest at `HOME`. It is a `Signal`; a second device takes `sensor()`.
+    """The virtual lab; it begins at rest at `HOME`. It is a `Truth`; a second device takes `sensor()`.
 
     Args:
         settings: of the rig.

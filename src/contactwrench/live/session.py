@@ -27,7 +27,7 @@ from .running import OF_ROBOT, OF_SENSOR, Options, Runner, shown_contact_wrench,
 from .sink import Pose, Reading, Turn
 from .snapshot import Command, Event, Output, Phase, Snapshot
 from .source import About, Batch, Four, Sample, Six
-from .standing import Standing
+from .stillness import Stillness
 from .wizard import Wish, Wizard
 
 EVENTS_KEPT, NEW_EVENTS_KEPT, TRACE_EVERY, TRACE_KEPT = 50, 1_000, 1.0 / 125.0, 250
@@ -65,7 +65,7 @@ class Session:
     ) -> None:
         self._sensor = Intake(sensor, "sensor" if robot is not None else "sensor and robot")
         self._robot = self._sensor if robot is None else Intake(robot, "robot")
-        self._track, self._history, self._standing = PoseTrack(), History(), Standing()
+        self._track, self._history, self._stillness = PoseTrack(), History(), Stillness()
         self._options, self._save, self._save_accepted = options or Options(), save, save_accepted
         self._saved: tuple[Calibration, str] | None = None
         self._motion, self._traced = Motion(), -inf
@@ -160,8 +160,8 @@ class Session:
         for intake in dict.fromkeys((self._sensor, self._robot)):
             for event in intake.look(t):
                 self._say(event)
-        if self._standing.look(self._history, t) and self.phase is not Phase.RUN:
-            self._happened(said := self._wizard.look(self._history, self._standing, t), t)
+        if self._stillness.look(self._history, t) and self.phase is not Phase.RUN:
+            self._happened(said := self._wizard.look(self._history, self._stillness, t), t)
             if any(kind == "verified" for kind, _ in said):
                 self._keep(t)
         return turn
@@ -219,7 +219,7 @@ class Session:
         done = self.phase in (Phase.FIT, Phase.VERIFY, Phase.RUN) and self.calibration is not None
         save = (Command.SAVE,) if self._save is not None and done and not self.saved else ()
         record = () if self.recording is None else (Command.RECORD,)
-        return (*self._wizard.commands(self._standing), *running, *save, *record)
+        return (*self._wizard.commands(self._stillness), *running, *save, *record)
 
     def _run_or_stop(self) -> None:
         """Begin to run where the wizard has come to that, and end it where a person went back."""
@@ -267,7 +267,7 @@ class Session:
 
     def snapshot(self, t: float, outputs: tuple[Output, ...] = (), recording: str = "") -> Snapshot:
         """What a person sees at `t` s since 1970; the trace begins anew. `outputs` and `recording`: of the sinks."""
-        last, wizard, stand = self._last, self._wizard, self._standing
+        last, wizard, stand = self._last, self._wizard, self._stillness
         newest = self._track.newest
         here: Four | None = None if newest is None else newest[1]
         place: Any = None if newest is None or newest[2][0] != newest[2][0] else newest[2]

@@ -91,7 +91,7 @@ class PushStep(msgspec.Struct, frozen=True):
     toward: str = ""
 
 
-class Pose(msgspec.Struct, frozen=True):
+class TakenPose(msgspec.Struct, frozen=True):
     """A pose that was taken: its orientation of the flange in base axes; `doubt`: why it may not stand, or empty."""
 
     orientation: Four
@@ -105,7 +105,7 @@ class Poses(msgspec.Struct, frozen=True):
     `history`: `std_force` after the first pose, the second, ... as they were taken; `fewest` that are needed.
     """
 
-    taken: tuple[Pose, ...]
+    taken: tuple[TakenPose, ...]
     targets: tuple[Four, ...]
     turn: float | None
     progress: float

@@ -26,7 +26,7 @@ from contactwrench.geometry.quaternions import from_kuka_abc
 from contactwrench.lab.netft import NetFt
 from contactwrench.lab.robotiq import Robotiq
 from contactwrench.lab.rsi import Rsi
-from contactwrench.lab.signals import Plain
+from contactwrench.lab.truth import Plain
 from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind, Source
 from contactwrench.live.sources import ft300, netft, robotiq, rsi

@@ -18,7 +18,7 @@ SATURATED = Reason("saturated: a channel stands at its limit")
 STUCK = "stuck"
 
 
-class Standing:
+class StuckReadings:
     """What a control loop learns only after a while is told here of each row, batch by batch: that a channel stands at
     its limit, which the batch before and this one show, and that a reading was stuck, back to where it began in it.
     """
