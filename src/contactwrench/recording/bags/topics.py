@@ -93,7 +93,7 @@ def _only(bag: Bag, what: str, types: tuple[str, ...], option: str, content: str
 
 
 def _flag_is_missing(bag: Bag, topics: tuple[Topic, ...]) -> FileFormatError:
-    """The error for a pose that can be had from `topics`, with a option that was not given."""
+    """The error for a pose that can be had from `topics`, with an option that was not given."""
     advice = []
     if any(topic.type == JOINT_STATE for topic in topics):
         advice.append(f"name the arm of the joint states with {ROBOT_FLAG} NAME or ARM.urdf")
