@@ -105,7 +105,7 @@ def _untouched(file: File, folder: Path) -> bool:
     """Whether the stated reading of a right file is kept; a base that does lean may be found to."""
     found, diagnosis = diagnosed(file, folder)
     best = diagnosis.best.interpretation
-    as_given = found.given is not None and (best.orientation, best.wrench, best.negated) == (0, 0, False)
+    as_given = found.stated is not None and (best.orientation, best.wrench, best.negated) == (0, 0, False)
     return diagnosis.read_rightly or as_given
 
 

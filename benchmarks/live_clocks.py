@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contactwrench.lab.signals import FlangePose
 from contactwrench.lab.sri import Sri
+from contactwrench.lab.truth import FlangePose
 from contactwrench.lab.ur import Ur
 from contactwrench.live.sink import Turn
 from contactwrench.live.source import now
@@ -36,12 +36,12 @@ class Telling:
         self._begin = time.monotonic()
 
     def wrench_rows(self, t0: float, n: int, rate: float) -> Array:
-        """As `Signal`."""
+        """As `Truth`."""
         rest, whole = np.modf(t0 - self._begin + np.arange(n) / rate)
         return np.column_stack([whole, rest, np.zeros((n, 4))])
 
     def pose_at(self, t: float) -> FlangePose:
-        """As `Signal`."""
+        """As `Truth`."""
         return FlangePose(np.eye(3), np.array([0.0, 0.0, 0.0, 1.0]), np.array([t - self._begin, 0.0, 0.0]), np.zeros(6))
 
     def true_contact(self, t: float) -> Array:

@@ -76,7 +76,7 @@ DEVICES: dict[str, tuple[Callable[[Any], Any], float]] = {
 
 
 def _serve(name: str, told: Any, stop: Event) -> None:
-    from contactwrench.lab.signals import Plain
+    from contactwrench.lab.truth import Plain
 
     with DEVICES[name][0](Plain()) as fake:
         told.send(fake.uri)

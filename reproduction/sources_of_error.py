@@ -135,7 +135,7 @@ def part(pool: Executor, scale: float, seed: int) -> Part:
     sets = {"the paper's six poses": joints_of_paper(), "six planned poses": planned_joints(6)}
     found: dict[str, Found] = {name: {} for name in sets}
     for (name, poses), (source, size) in product(sets.items(), CELLS):
-        found[name][source, size] = in_batches(pool, partial(_run, source, size, poses, unseen, seed), n)
+        found[name][source, size] = in_batches(pool, partial(trials_at, source, size, poses, unseen, seed), n)
     return Part(
         key="sources_of_error",
         title="Sources of error, one at a time",
@@ -145,7 +145,7 @@ def part(pool: Executor, scale: float, seed: int) -> Part:
     )
 
 
-def _run(source: str, size: float, poses: Array, unseen: Array, seed: int, numbers: range) -> Trials:
+def trials_at(source: str, size: float, poses: Array, unseen: Array, seed: int, numbers: range) -> Trials:
     """The trials of those numbers, on joints (6, 7) and judged at joints (m, 7), rad."""
     trials = []
     for number in numbers:
@@ -231,7 +231,7 @@ def _said_of_dice(found: Found) -> str:
 
 
 def _said(poses: str, found: Found) -> str:
-    against = {cell: _against_best(trials) for cell, trials in found.items()}
+    against = {cell: against_best(trials) for cell, trials in found.items()}
     refused = [cell for cell, trials in found.items() if not _solved_all(trials, "ours")]
     near_best = sum(cell not in refused and ratio.value <= NEAR for cell, (_, ratio) in against.items())
     worst = max(against, key=lambda cell: against[cell][1].value)
@@ -242,7 +242,7 @@ def _said(poses: str, found: Found) -> str:
         else "in none is another better"
     )
     ratios = [one for trials in found.values() if (one := force_ratio(trials, "paper", "ours")) is not None]
-    told = {cell: _told_apart(trials) for cell, trials in found.items()}
+    told = {cell: told_apart(trials) for cell, trials in found.items()}
     paper_better, ours_better = (
         [_cell_name(*cell) for cell, by in told.items() if by == name] for name in ("paper", "ours")
     )
@@ -274,7 +274,7 @@ def _solved_all(trials: Trials, name: str) -> bool:
     return all(name in trial for trial in trials)
 
 
-def _against_best(trials: Trials) -> tuple[str, Measured]:
+def against_best(trials: Trials) -> tuple[str, Measured]:
     """The best of the estimators that refused no trial, and how many times its error ours is, over the trials that ours
     solved; infinitely many where it solved none.
     """
@@ -289,7 +289,7 @@ def _against_best(trials: Trials) -> tuple[str, Measured]:
     return best, candidates[best]
 
 
-def _told_apart(trials: Trials) -> str | None:
+def told_apart(trials: Trials) -> str | None:
     """Which of the paper's and ours has clearly the smaller error, where one has."""
     ratios = [np.log(trial["paper"].force / trial["ours"].force) for trial in trials if {"paper", "ours"} <= set(trial)]
     ratio = mean(ratios) if ratios else None

@@ -13,6 +13,7 @@ only numbers are renewed.
 
 from __future__ import annotations
 
+import inspect
 import io
 import os
 import re
@@ -43,6 +44,9 @@ DATA = Path(contactwrench.__file__).parent / "data"
 
 FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)[^)]*\)|(?:src|href)=\"([^\"]+)\"")
+IMPORT = re.compile(r"^(?: {4})*from contactwrench\.([\w.]+) import ([\w, ]+)$", re.MULTILINE)
+GIVE_AS_THEY_SAY = ("contactwrench.live.source.now", "contactwrench.live.uri.source_of")
+"""Functions whose first line is what they return."""
 HEADING = re.compile(r"^#{1,6} +(.+?) *#*$", re.MULTILINE)
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 COMMAND, STATUS, ELLIPSIS = "$ contactwrench", "$ echo $?", "..."
@@ -95,6 +99,43 @@ def test_the_api_page_has_every_public_name() -> None:
     assert {f"contactwrench.{name}" for name in contactwrench.__all__ if name != "__version__"} <= set(listed)
     for name in listed:
         resolve_name(name)  # raises where there is none
+
+
+def test_the_api_page_has_what_guide_and_examples_import() -> None:
+    """But for the virtual rig, which only makes their data."""
+    listed = set(re.findall(r"^::: contactwrench\.(\S+)$", (ROOT / "docs" / "api.md").read_text("utf-8"), re.MULTILINE))
+    files = [*DOCS, *(ROOT / "examples").rglob("*.py")]
+    imports = [
+        f"{module}.{name}"
+        for file in files
+        for module, names in IMPORT.findall(file.read_text(encoding="utf-8"))
+        for name in names.split(", ")
+    ]
+    assert {"assess.verify.verify", "live.counter.Counter"} <= set(imports)
+    assert [name for name in imports if name not in listed and not name.startswith(("simulate.", "geometry."))] == []
+
+
+def test_what_a_function_takes_and_gives_is_on_the_api_page() -> None:
+    """With shapes and units, which no test can judge; but each argument by its name, and what comes back."""
+    listed = re.findall(r"^::: (\S+)$", (ROOT / "docs" / "api.md").read_text(encoding="utf-8"), re.MULTILINE)
+    functions = {name: made for name in listed if inspect.isfunction(made := resolve_name(name))}
+    for name in ("run", "zero"):
+        functions[name] = getattr(contactwrench.Compensator, name)
+    assert len(functions) > 15
+    for name, function in functions.items():
+        taken = inspect.signature(function).parameters.keys() - {"self"}
+        said = inspect.getdoc(function) or ""
+        arguments = {
+            each for names in re.findall(r"^    ([\w, ]+): ", said, re.MULTILINE) for each in names.split(", ")
+        }
+        assert taken <= arguments, name
+        assert "\nReturns:\n" in said or name in GIVE_AS_THEY_SAY, name
+
+
+def test_no_table_is_cut_in_two() -> None:
+    assert [
+        page for page in PAGES if re.search(r"^\|.*\n\n\|(?! *-)", page.read_text(encoding="utf-8"), re.MULTILINE)
+    ] == []
 
 
 # Blocks of code

@@ -141,7 +141,7 @@ def test_a_task_is_no_calibration(name: str, capsys: pytest.CaptureFixture[str])
         (verdict,) = (line for line in calibrated.out.splitlines() if line.startswith("Verdict"))
         assert any(word in verdict for word in ("weak", "doubtful"))
     diagnosed = run(capsys, "diagnose", path)
-    assert diagnosed.status == 0 or "expected 5 or more to tell one reading from another" in diagnosed.complaint
+    assert diagnosed.status == 0 or "expected 5 or more to tell one interpretation from another" in diagnosed.complaint
 
 
 def _printed() -> cw.Samples:

@@ -59,7 +59,7 @@ class UnobservableError(ContactWrenchError, ArithmeticError):
 
 
 class AmbiguityError(ContactWrenchError, ValueError):
-    """Free-air data fit two readings; the message names both, and the flag that decides."""
+    """Free-air data fit two interpretations; the message names both, and the option that decides."""
 
 
 @contextmanager

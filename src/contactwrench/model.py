@@ -16,7 +16,7 @@ from functools import cache, lru_cache
 import numpy as np
 
 from .geometry.arrays import Array, Frozen, read_only
-from .geometry.rotations import rotation_exp
+from .geometry.rotations import procrustes, rotation_exp
 from .geometry.wrench import WRENCH_AXES, cross_matrix
 
 LINEAR_PARAMETERS = ("weight", "com_x", "com_y", "com_z", *(f"bias_{axis}" for axis in WRENCH_AXES))
@@ -81,6 +81,11 @@ def wrench_matrix(tool: RigidTool) -> Array:
     B[3:, :3] = cross_matrix(tool.com) @ B[:3, :3]
     B[:, 3] = tool.bias
     return B
+
+
+def weight_scale(B: Array) -> float:
+    """The weight (N) of a free tool, of one that is not rigid the mean singular value of its force matrix."""
+    return float(np.mean(np.linalg.svd(B[:3, :3], compute_uv=False)))
 
 
 def free_wrench(B: Array, r: Array) -> Array:
@@ -190,8 +195,7 @@ def small_change_about(before: RigidTool, after: RigidTool, names: tuple[str, ..
     axes = np.eye(len(names))
     if GRAVITY[0] in names:
         old, new = (np.stack(horizontal_axes(tool.gravity_direction)) for tool in (before, after))
-        U, _, Vt = np.linalg.svd(new @ old.T)
-        axes[-2:, -2:] = U @ Vt
+        axes[-2:, -2:] = procrustes(new @ old.T)
     return axes
 
 

@@ -112,7 +112,7 @@ def test_each_change_from_what_was_stated_is_one_in_twenty(tmp_path: Path) -> No
     rig, R, rng = example(11, poses=8)
     content = replace(RIGHT, wrench=lambda R, wrench: -wrench).text(R, noisy_readings(rig, R, NOISE, rng))
     found, stated = found_in(tmp_path, content).best, found_in(tmp_path, content, sign="reaction").best
-    assert found.interpretation.flags == stated.interpretation.flags == ("--sign reaction",)
+    assert found.interpretation.options == stated.interpretation.options == ("--sign reaction",)
     assert found.weight == pytest.approx(stated.weight)
     assert found.odds - stated.odds == pytest.approx(-2.0 * np.log(1.0 / 20.0))
 
@@ -124,7 +124,7 @@ def test_what_no_flag_mends_is_said_in_words(mistake: str, tmp_path: Path) -> No
     rig, R, rng = example(5)
     diagnosis = found_in(tmp_path, replace(RIGHT, wrench=spoil).text(R, noisy_readings(rig, R, NOISE, rng)))
     assert not diagnosis.read_rightly
-    assert (diagnosis.best.interpretation.flags, diagnosis.best.interpretation.mends) == ((), (words,))
+    assert (diagnosis.best.interpretation.options, diagnosis.best.interpretation.mends) == ((), (words,))
     assert diagnosis.best.com == pytest.approx(rig.com, abs=2e-3)
     assert diagnosis.best.explained
 
@@ -149,7 +149,7 @@ def test_angles_under_a_wrong_unit_are_renamed(tmp_path: Path) -> None:
     rig, R, rng = example(7)
     wrong = Written(("a_deg", "b_deg", "c_deg"), euler("ZYX", degrees=False))
     diagnosis = found_in(tmp_path, wrong.text(R, noisy_readings(rig, R, NOISE, rng)))
-    assert diagnosis.best.interpretation.flags == ("--orientation kuka_abc",)
+    assert diagnosis.best.interpretation.options == ("--orientation kuka_abc",)
     assert diagnosis.best.interpretation.mends == (
         "the angles in rad (rename a_deg, b_deg, c_deg to a_rad, b_rad, c_rad)",
     )
@@ -186,7 +186,7 @@ def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) ->
         wrench[0] += rng.normal(size=6) * np.repeat([3.0, 0.3], 3)
     diagnosis = found_in(tmp_path, (KUKA if rng.random() < 0.5 else RIGHT).text(R, wrench))
     best = diagnosis.best.interpretation
-    assert (best.flags, best.mends) == ((), ())
+    assert (best.options, best.mends) == ((), ())
 
 
 @pytest.mark.slow
@@ -204,14 +204,14 @@ def test_stated_flags_that_are_right_are_left_alone(tmp_path: Path) -> None:
     diagnosis = found_in(tmp_path, content, ceiling.down, sign="reaction", wrench_frame="base")
     assert diagnosis.read_rightly
     assert diagnosis.best.weight == pytest.approx(rig.weight, abs=0.1)
-    assert diagnosis.best.interpretation.flags == ("--wrench-frame base", "--sign reaction", "--gravity 0,0,1")
+    assert diagnosis.best.interpretation.options == ("--wrench-frame base", "--sign reaction", "--gravity 0,0,1")
 
 
 # What free air cannot tell
 
 
 def _names(diagnosis: Diagnosis) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
-    return [(reading.flags, reading.mends) for reading in diagnosis.alike]
+    return [(reading.options, reading.mends) for reading in diagnosis.alike]
 
 
 @pytest.mark.slow
@@ -325,7 +325,7 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
     right = run(capsys, "diagnose", PANDA)
     assert right.status == 0
     assert right.out.splitlines()[:5] == [
-        "as given: 0.26 N left; no other reading explains it better: it is read rightly, units apart",
+        "as given: 0.26 N left; no other interpretation explains it better: it is read rightly, units apart",
         "",
         f"17 poses, 1872 interpretations tried, {PANDA}",
         "",
@@ -344,7 +344,8 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_file_that_nothing_explains_well(capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys, "diagnose", PAPER).out.splitlines()
     assert lines[0] == (
-        "as given: 0.74 N left, 12 % of the weight; no other reading explains it better, and none explains it well"
+        "as given: 0.74 N left, 12 % of the weight; no other interpretation explains it better, "
+        "and none explains it well"
     )
     assert (
         "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the "
@@ -397,8 +398,8 @@ def test_what_cannot_be_diagnosed_is_refused(
     rig, R, rng = example(17, poses=4)
     path = written(Path(), RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)))
     assert run(capsys, "diagnose", path).complaint == (
-        f"{path}: found 4 distinct orientations, expected 5 or more to tell one reading from another: record six or "
-        "more that tilt the tool about two axes"
+        f"{path}: found 4 distinct orientations, expected 5 or more to tell one interpretation from another: record "
+        "six or more that tilt the tool about two axes"
     )
     path = written(Path(), Written(QUAT, lambda R: 0.5 * quat(R)).text(random_rotations(6, rng), np.ones((6, 6))))
     assert run(capsys, "diagnose", path).complaint == (

@@ -69,7 +69,7 @@ def test_the_reading_that_was_meant_is_the_most_plausible(
     """None is recommended, as the fit is as good as given; that no tool is so is said in the first line."""
     diagnosis = diagnosed(tmp_path, force, torque)
     assert diagnosis.read_rightly
-    no_tool = f"; no other reading explains it better, but no tool is so ({why}): see the units and signs below"
+    no_tool = f"; no other interpretation explains it better, but no tool is so ({why}): see the units and signs below"
     assert verdict(diagnosis).endswith(no_tool)
     first = diagnosis.unseen[0]
     assert (first.label, first.odd) == (label, "")
@@ -83,7 +83,7 @@ def test_the_reading_that_was_meant_is_the_most_plausible(
 def test_a_tool_that_can_be_is_left_alone(tmp_path: Path) -> None:
     """The other units are listed beside it, and what speaks against reversed torques."""
     diagnosis = diagnosed(tmp_path, 1.0, 1.0)
-    assert verdict(diagnosis).endswith("; no other reading explains it better: it is read rightly, units apart")
+    assert verdict(diagnosis).endswith("; no other interpretation explains it better: it is read rightly, units apart")
     head = "Free air cannot tell these from the first (plausible) either; weigh the tool:\n"
     columns, *plausible, _, reversed_ = diagnosis_text(diagnosis).partition(head)[2].splitlines()
     assert len(plausible) == len([each for each in diagnosis.unseen if not each.odd and REVERSED not in each.label])
@@ -99,7 +99,7 @@ def test_a_tool_that_can_be_is_left_alone(tmp_path: Path) -> None:
 
 def test_torques_in_nmm_are_taken_where_they_are_likeliest(tmp_path: Path) -> None:
     diagnosis = diagnosed(tmp_path, 1.0, 1e3)
-    assert diagnosis.best.interpretation.flags == ("--units torque=Nmm",)
+    assert diagnosis.best.interpretation.options == ("--units torque=Nmm",)
     assert diagnosis.best.odd == ""
     assert "\nFree air cannot tell these from the first:\n  as given\nTo decide:\n" in diagnosis_text(diagnosis)
     assert "force=N,torque=Nmm" not in "".join(each.label for each in diagnosis.unseen)

@@ -312,7 +312,9 @@ def test_bases_that_were_stated_apart() -> None:
     turn = rx(0.5)
     a = cw.calibrate(noisy(rig, R, rng), "mount")
     b = cw.calibrate(cw.Samples(noisy(rig, R, rng).wrench, turn @ R), "mount", gravity=turn @ rig.down)
-    assert a.diff(b).meaning[1:] == ("gravity was stated 28.6 deg apart in base axes: another stand, or another flag",)
+    assert a.diff(b).meaning[1:] == (
+        "gravity was stated 28.6 deg apart in base axes: another stand, or another option",
+    )
     assert len(a.diff(a).meaning) == 1
 
 

@@ -118,6 +118,8 @@ def test_a_weak_finding_says_so_for_those_who_read_texts_only() -> None:
     assert weak().verdict == "weak"
     for finding in weak().findings:
         assert (finding.severity is Severity.WEAK) == finding.text.startswith("weak: ")
+        assert finding.text == finding.said or finding.text == f"{finding.severity}: {finding.said}"
+        assert finding.said.split(": ")[0] == finding.brief
     kinds = [finding.kind for finding in weak().findings]
     assert Kind.UNCERTAIN_PARAMETER in kinds
     assert kinds.index(Kind.ADVICE) > kinds.index(Kind.UNCERTAIN_PARAMETER)

@@ -88,33 +88,24 @@ def test_a_signal_that_the_parent_ignores_is_ignored(folder: Path) -> None:
     assert (folder / "out.csv").exists()
 
 
-class LeftError(BaseException):
-    """In place of the process's end."""
-
-
-def test_folders_and_files_that_tempfile_made_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made, gone, kept = tmp_path / "made", tmp_path / "gone", tmp_path / "kept"
-    made.mkdir()
-    for path in (made / "part.db3", tmp_path / "file", kept):
-        path.write_text("1")
-    shown: list[bytes] = []
-
-    def leave(status: int) -> None:
-        raise LeftError(status)
-
-    monkeypatch.setattr(program, "_temporary", [])
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-    monkeypatch.setattr(os, "_exit", leave)
-    monkeypatch.setattr(os, "write", lambda _, text: shown.append(text))
-    monkeypatch.setattr(os, "isatty", lambda _: True)
-    monkeypatch.setitem(sys.modules, "rich.live", os)
-    for event, path in (("tempfile.mkdtemp", made), ("tempfile.mkstemp", tmp_path / "file"), ("open", kept)):
-        program._remember(event, (str(path),))
-    program._remember("tempfile.mkstemp", (str(gone),))
-    with pytest.raises(LeftError, match=r"^143$"):
-        program._leave(signal.SIGTERM, None)
-    assert list(tmp_path.iterdir()) == [kept]
-    assert shown == [b"\r\x1b[2K\x1b[?25hcontactwrench: terminated\n"]
+def test_folders_and_files_that_tempfile_made_are_removed(tmp_path: Path) -> None:
+    """On a terminal that shows a bar, which is wiped away."""
+    script = (
+        "import contactwrench.__main__ as start, contactwrench.cli.main as program, os, rich.live, signal, tempfile\n"
+        "def work(*_):\n"
+        f"    made = tempfile.mkdtemp(dir={str(tmp_path)!r})\n"
+        "    open(os.path.join(made, 'part.db3'), 'w').close()\n"
+        f"    os.close(tempfile.mkstemp(dir={str(tmp_path)!r})[0])\n"
+        f"    os.rmdir(tempfile.mkdtemp(dir={str(tmp_path)!r}))\n"
+        f"    open(os.path.join({str(tmp_path)!r}, 'kept'), 'w').close()\n"
+        "    os.isatty = lambda _: True\n"
+        "    os.kill(os.getpid(), signal.SIGTERM)\n"
+        "program.exit_status = work\n"
+        "start.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (143, b"\r\x1b[2K\x1b[?25hcontactwrench: terminated\n")
+    assert list(tmp_path.iterdir()) == [tmp_path / "kept"]
 
 
 def test_to_import_the_package_touches_no_signal_and_no_limit() -> None:
@@ -147,14 +138,19 @@ def test_what_libraries_warn_of_and_log_is_not_shown() -> None:
 
 @pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="this system does not say what memory is left")
 @pytest.mark.parametrize("stated", [False, True])
-def test_memory_is_bounded_by_what_is_left_unless_it_is_already(monkeypatch: pytest.MonkeyPatch, stated: bool) -> None:
+def test_memory_is_bounded_by_what_is_left_unless_it_is_already(stated: bool) -> None:
     import resource
 
-    limits: list[tuple[int, int]] = []
     soft = 10**12 if stated else resource.RLIM_INFINITY
-    monkeypatch.setattr(resource, "getrlimit", lambda _: (soft, resource.RLIM_INFINITY))
-    monkeypatch.setattr(resource, "setrlimit", lambda _, bound: limits.append(bound))
-    program._bound_memory()
+    script = (
+        "import contactwrench.__main__ as start, contactwrench.cli.main as program, resource\n"
+        f"resource.getrlimit = lambda _: ({soft}, resource.RLIM_INFINITY)\n"
+        "resource.setrlimit = lambda _, bound: print(*bound)\n"
+        "program.exit_status = lambda *_: 0\n"
+        "start.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    limits = [tuple(map(int, line.split())) for line in done.stdout.splitlines()]
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") + (os.cpu_count() or 1) * program.RESERVED
     assert [(0 < bound <= memory, hard) for bound, hard in limits] == (
         [] if stated else [(True, resource.RLIM_INFINITY)]

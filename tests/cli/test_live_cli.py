@@ -16,8 +16,8 @@ import pytest
 import contactwrench as cw
 from contactwrench.cli.live_lab import Hands
 from contactwrench.lab.lines import TcpLines
-from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
+from contactwrench.lab.truth import Plain
 from contactwrench.lab.ur import Ur
 from contactwrench.live.page import Hub
 from contactwrench.live.pump import Pump

@@ -206,10 +206,10 @@ def test_reasons_know_their_kind_and_hold_no_more() -> None:
         "stuck: fz has not moved for 101 readings while others did",
         "gap: nothing for 0.5 s, filters start anew",
     )
-    for reason in reasons[1:]:
+    for reason, channel in zip(reasons[1:], (2, -1), strict=True):
         assert reason is not None
         for other in (reason, copy(reason), deepcopy(reason), pickle.loads(pickle.dumps(reason))):
-            assert other.kind == reason.split(":")[0]
+            assert (other.kind, other.channel) == (reason.split(":")[0], channel)
             assert not hasattr(other, "__dict__")
 
 

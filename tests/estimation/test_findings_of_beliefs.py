@@ -54,7 +54,7 @@ def said(probability: float, kind: Kind, low: tuple[int, ...] = (1, 4), timed: b
         poses = tuple(replace(pose, t_start=10.0 * k, t_end=10.0 * k + 1.0) for k, pose in enumerate(poses))
     levels = np.outer(np.where(np.isin(np.arange(12), low), 1.0, -1.0), [0.15, 0.0, 0.0, 0.0, 0.02, 0.0])
     assert isinstance(estimate.beliefs, Beliefs)
-    beliefs = replace(estimate.beliefs, with_orientation={kind: probability}, levels=levels, turn=0.0021)
+    beliefs = replace(estimate.beliefs, with_orientation={kind: probability}, backlash=levels, turn=0.0021)
     return of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0)
 
 

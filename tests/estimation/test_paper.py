@@ -10,7 +10,7 @@ import pytest
 
 import contactwrench as cw
 from contactwrench.estimation.initial_guess import SEARCH_OF_MODEL, initial_guesses
-from contactwrench.estimation.paper import _tool, _torque_regressor
+from contactwrench.estimation.paper import tool_of_unknowns, torque_regressor
 from tests.support.poses import SIX_SPREAD
 from tests.support.rigs import assert_same_tool, example, noise_free, noisy, samples_of_a_design
 from tests.support.world import DOWN, Array, Rig, random_rotations, readings
@@ -61,13 +61,13 @@ def test_torque_bias_gives_back_l_by_equation_4(calibration: cw.Calibration) -> 
 
 def test_condition_numbers_of_the_two_regressions(calibration: cw.Calibration, samples: cw.Samples) -> None:
     assert calibration.observability.condition == pytest.approx(46, abs=0.5)
-    torque = _torque_regressor(samples.wrench[:, :3]).reshape(-1, 6)
+    torque = torque_regressor(samples.wrench[:, :3]).reshape(-1, 6)
     assert np.linalg.cond(torque) == pytest.approx(3013, abs=1.0)
 
 
 @pytest.mark.parametrize(("poses", "rank"), [(1, 3), (2, 5), (3, 6)])
 def test_rank_of_the_torque_regressor(samples: cw.Samples, poses: int, rank: int) -> None:
-    assert np.linalg.matrix_rank(_torque_regressor(samples.wrench[:poses, :3]).reshape(-1, 6)) == rank
+    assert np.linalg.matrix_rank(torque_regressor(samples.wrench[:poses, :3]).reshape(-1, 6)) == rank
 
 
 def test_trade_off_of_weight_and_force_bias_is_said(calibration: cw.Calibration) -> None:
@@ -82,7 +82,7 @@ def test_equation_16_inside_table_5() -> None:
     force = np.array([G * np.cos(theta), G * np.sin(theta), G, 3.769, -6.903, 57.657])
     torque = np.array([-0.006, 0.006, 0.032, 1.661, 0.496, -0.002])
     printed = np.array([2.228, 0.963, -0.002])
-    computed = _tool(force, torque, DOWN).bias[3:]
+    computed = tool_of_unknowns(force, torque, DOWN).bias[3:]
     assert computed[:2] == pytest.approx(printed[:2], abs=6e-4)
     assert computed[2] == pytest.approx(0.017, abs=5e-4)  # printed: a copy of l3
 

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from contactwrench.lab.ft300 import Ft300
-from contactwrench.lab.signals import Plain
+from contactwrench.lab.truth import Plain
 from tests.lab.clients import connected, exactly, nothing_left
 
 SIGNAL = Plain(wrench=(1.234, -2.5, 300.0, 0.1234, -1.0, 29.0))

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactwrench.lab.lines import TcpLines, UdpLines
-from contactwrench.lab.signals import Plain
+from contactwrench.lab.truth import Plain
 from tests.lab.clients import WAIT, connected, line, nothing_left
 
 R = Rotation.from_rotvec([0.3, -1.0, 1.0])

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from contactwrench.lab.netft import SATURATED, NetFt
-from contactwrench.lab.signals import Plain
+from contactwrench.lab.truth import Plain
 from tests.lab.clients import WAIT, nothing_left
 
 NUMBERED = Plain(wrench=(0, 2, 3, 0.4, 0.5, -0.6), step=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0))

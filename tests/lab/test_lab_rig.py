@@ -65,7 +65,7 @@ def test_in_motion_it_reads_what_mujoco_says(lab: Lab) -> None:
     time.sleep(0.3)
     lab.move_to(HOME)  # elsewhere on its way
     t: Array = np.linspace(0.0, 1.0, 1400) + time.monotonic()
-    states = np.array([lab._course(moment).state(moment) for moment in t])
+    states = np.array([lab.move_at(moment).state(moment) for moment in t])
     physics = inverse_dynamics(rig, *states.swapaxes(0, 1))
     shown = np.concatenate([lab.true_wrench(t[k : k + 7]) for k in range(0, len(t), 7)])
     assert np.abs(states[:, 1]).max() > 0.5  # it moves

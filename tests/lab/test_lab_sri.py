@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from contactwrench.errors import FileAccessError
-from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
+from contactwrench.lab.truth import Plain
 from tests.lab.clients import connected, exactly, line, nothing_left, sri_packet
 
 NUMBERED = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)

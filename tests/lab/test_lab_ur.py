@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from contactwrench.lab.signals import Plain
+from contactwrench.lab.truth import Plain
 from contactwrench.lab.ur import Ur
 from tests.lab.clients import connected, nothing_left, rtde, rtde_package
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from contactwrench.lab.netft import NetFt
-from contactwrench.lab.signals import Plain
+from contactwrench.lab.truth import Plain
 from contactwrench.lab.ur import Ur
 from contactwrench.live.devices import probed, require_same
 from contactwrench.live.intake import Intake

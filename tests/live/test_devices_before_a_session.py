@@ -13,8 +13,8 @@ import pytest
 from contactwrench.cli.live_before import COMPILES
 from contactwrench.errors import InputError
 from contactwrench.lab.rsi import Rsi
-from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
+from contactwrench.lab.truth import Plain
 from contactwrench.live import devices
 from contactwrench.live.page import Hub
 from contactwrench.live.pump import WAITING, Reader
@@ -173,10 +173,10 @@ def test_more_than_can_be_taken_while_something_else_was_waited_for_is_let_go(ca
     reader = Reader(source, source.open(), early)
     reader.stop()
     reader.join()
-    reader._put(Batch(early.samples[:3]))
+    reader.put(Batch(early.samples[:3]))
     reader.forget()
     assert reader.news() == [source.open(), *([early, Batch(early.samples[:3])] if came == 5 else [])]
-    reader._put(early)
+    reader.put(early)
     assert reader.news() == [early]
 
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.lab.ft300 import Ft300
 from contactwrench.lab.robotiq import Robotiq
-from contactwrench.lab.signals import Plain
+from contactwrench.lab.truth import Plain
 from contactwrench.live.running import Options
 from contactwrench.live.session import Session
 from contactwrench.live.source import Six

@@ -14,7 +14,8 @@ from contactwrench.live.intake import Intake
 from contactwrench.live.session import Session
 from contactwrench.live.sink import Pose, Reading, Turn
 from contactwrench.live.source import About, Batch, Note, NoteKind, Sample
-from contactwrench.live.uri import source_of
+from contactwrench.live.sources.lines import LinesDecoder
+from contactwrench.recording.tables.columns import Naming
 from tests.support.chain import NOISE, calibration
 from tests.support.live_world import Array
 
@@ -90,10 +91,7 @@ def test_a_restart_within_a_batch_moves_no_time_before_it(joined: int) -> None:
 
 
 def test_lines_of_two_kinds_have_one_clock() -> None:
-    from contactwrench.live.sources.lines import LinesDecoder
-
-    source, batch = source_of("udp://:9000"), Batch()
-    decoder: LinesDecoder = source._fresh()  # type: ignore[attr-defined]
+    decoder, batch = LinesDecoder(Naming(), None, whole=True), Batch()
     for k in range(20):
         t = 5.0 + 0.01 * k
         decoder.feed(b'{"t": %f, "fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0}' % t, t, batch)

@@ -46,7 +46,7 @@ def test_flags_make_the_reading_that_they_stand_for(header: str, tmp_path: Path)
     file = interpretations(path, Options("franka_matrix" if header == "pose" else "auto", units=units))
     for k, reading in enumerate(file.orientations):
         if not reading.mends:
-            made = cw.read(path, **_stated(file.interpretation(k, 0, 0).flags))  # type: ignore[arg-type]
+            made = cw.read(path, **_stated(file.interpretation(k, 0, 0).options))  # type: ignore[arg-type]
             assert made.R_base_flange == pytest.approx(reading.R_base_flange, abs=1e-9)
             tried += 1
     assert tried >= 2
@@ -60,7 +60,7 @@ def test_rows_with_a_load_are_left_out(tmp_path: Path) -> None:
     rows = np.column_stack([-wrench, quat(R), load])
     diagnosis = diagnose(interpretations(written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), rows))))
     assert diagnosis.n == 6
-    assert diagnosis.best.interpretation.flags == ("--sign reaction",)
+    assert diagnosis.best.interpretation.options == ("--sign reaction",)
 
 
 def test_a_long_recording_is_thinned(tmp_path: Path) -> None:
@@ -69,8 +69,8 @@ def test_a_long_recording_is_thinned(tmp_path: Path) -> None:
     path = written(tmp_path, Written(QUAT, quat).text(R, noisy_readings(rig, R, NOISE, rng)))
     found = interpretations(path)
     assert found.wrench.shape == (300, 6)
-    assert found.given is not None
-    stated = found.orientations[found.given.orientation]
+    assert found.stated is not None
+    stated = found.orientations[found.stated.orientation]
     assert stated.R_base_flange[0] == pytest.approx(R[0], abs=1e-9)
     assert stated.R_base_flange[-1] == pytest.approx(R[-1], abs=1e-9)
     assert diagnose(found).read_rightly
@@ -83,9 +83,9 @@ def test_a_file_of_several_blocks_is_one(tmp_path: Path) -> None:
     lines = csv_text((*WRENCH, *QUAT), np.column_stack([np.ones((len(R), 6)), quat(R)])).splitlines()
     whole = interpretations(written(tmp_path, "\n".join(lines)))
     assert (len(whole.wrench), whole.complaint) == (8, None)
-    assert whole.given is not None
-    assert whole.given.flags == ()
+    assert whole.stated is not None
+    assert whole.stated.options == ()
     lines[39_000] = "1,1,1,1,1,1,0,0,0,2"
     broken = interpretations(written(tmp_path, "\n".join(lines)))
-    assert broken.given is None
+    assert broken.stated is None
     assert str(broken.complaint).startswith(f"{tmp_path / 'poses.csv'}: row 39001, columns qx,qy,qz,qw: found")

@@ -118,7 +118,7 @@ def trials_of(**forces: list[float | None]) -> list[dict[str, Squared]]:
 
 def test_a_way_that_refuses_is_not_the_best_and_ratios_are_over_what_both_solved() -> None:
     trials = trials_of(ours=[4.0, 4.0, 100.0], paper=[9.0, 9.0, None], tare=[1.0, 1.0, 1.0], mount=[0.1, 0.1, None])
-    best, ratio = sources_of_error._against_best(trials)
+    best, ratio = sources_of_error.against_best(trials)
     assert (best, ratio.trials) == ("tare", 3)
     assert ratio.value == pytest.approx(6.0)
     paper = force_ratio(trials, "paper", "ours")
@@ -132,14 +132,14 @@ def test_chance_alone_is_called_a_difference_once_in_a_thousand() -> None:
     """Heavy tails and all: squared errors whose logarithm is normal."""
     rng = np.random.default_rng(1)
     named = [
-        sources_of_error._told_apart(trials_of(ours=list(a), paper=list(b)))
+        sources_of_error.told_apart(trials_of(ours=list(a), paper=list(b)))
         for a, b in np.exp(rng.normal(size=(4000, 2, 8)))
     ]
     assert sum(one is not None for one in named) < 12
     ours = np.exp(rng.normal(size=8))
     paper = 9.0 * ours * rng.uniform(0.9, 1.1, size=8)
-    assert sources_of_error._told_apart(trials_of(ours=list(ours), paper=list(paper))) == "ours"
-    assert sources_of_error._told_apart(trials_of(ours=list(paper), paper=list(ours))) == "paper"
+    assert sources_of_error.told_apart(trials_of(ours=list(ours), paper=list(paper))) == "ours"
+    assert sources_of_error.told_apart(trials_of(ours=list(paper), paper=list(ours))) == "paper"
 
 
 def test_figures_in_words_and_students_t_are_those_of_the_tables() -> None:
@@ -167,7 +167,7 @@ def test_the_standard_error_of_a_ratio_is_that_of_its_repetition() -> None:
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_trials() -> None:
     arguments = ("cross-talk", 1.0, joints_of_paper(), unseen_joints()[:20])
-    first, again, other = (sources_of_error._run(*arguments, seed, range(1)) for seed in (1, 1, 2))
+    first, again, other = (sources_of_error.trials_at(*arguments, seed, range(1)) for seed in (1, 1, 2))
     assert first == again != other
     assert set(first[0]) == set(sources_of_error.ESTIMATORS)
     assert re.fullmatch(r"[a-z ]+", "".join(first[0]))

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.lab.signals import FlangePose
-from contactwrench.live.pump import Pump, Reader, Ways
+from contactwrench.lab.truth import FlangePose
+from contactwrench.live.pump import Ports, Pump, Reader
 from contactwrench.live.session import Session
 from contactwrench.live.sink import Turn, open_sink
 from contactwrench.live.snapshot import Event
@@ -46,7 +46,7 @@ FAST = 0.6
 
 
 class Swinging:
-    """A tool on an arm that swings to and fro: a `Signal`. `spoil` is added to every reading; one that `freezes` shows,
+    """A tool on an arm that swings to and fro: a `Truth`. `spoil` is added to every reading; one that `freezes` shows,
     from where it turns too fast to stop before the next pose, its last pose, and goes on swinging: then it is `frozen`.
     """
 
@@ -60,7 +60,7 @@ class Swinging:
         self._rng, self._last = np.random.default_rng(0), self._pose(0.0)
 
     def wrench_rows(self, t0: float, n: int, rate: float) -> Array:
-        """As `Signal`: the weight turns against the swing."""
+        """As `Truth`: the weight turns against the swing."""
         angle = -SWING * np.sin(SPEED * (t0 + np.arange(n)[:, None] / rate))
         k, f = self._axis, self._weight
         force = f * np.cos(angle) + np.cross(k, f) * np.sin(angle) + k * (k @ f) * (1.0 - np.cos(angle))
@@ -68,7 +68,7 @@ class Swinging:
         return rows + NOISE * self._rng.standard_normal(rows.shape) + self.spoil
 
     def pose_at(self, t: float) -> FlangePose:
-        """As `Signal`."""
+        """As `Truth`."""
         if not (self.frozen and self.freezes):
             self._last = self._pose(t)
             self.frozen = self.freezes and abs(cos(SPEED * t)) > FAST
@@ -123,7 +123,7 @@ class Chain:
             robot=uris.get("robot"),
         )
         self.session = session
-        ways = Ways(self._publish, self.events.append, outlets=(open_sink(self._kept),))
+        ways = Ports(self._publish, self.events.append, outlets=(open_sink(self._kept),))
         self.pump = Pump(session, readers, ways)
         self.pump.start()
 

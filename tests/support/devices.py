@@ -15,8 +15,8 @@ from contactwrench.lab.lines import TcpLines, UdpLines
 from contactwrench.lab.netft import SATURATED, NetFt
 from contactwrench.lab.robotiq import Robotiq
 from contactwrench.lab.rsi import Rsi
-from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
+from contactwrench.lab.truth import Plain
 from contactwrench.lab.ur import Ur
 from contactwrench.live.source import Batch, DeviceError, Note, NoteKind, Sample, Source
 from contactwrench.live.uri import source_of

@@ -31,15 +31,49 @@ LAB = "lab"
 
 FILELESS = ("geometry", "samples", "calibration", "estimation", "compensate", "assess")
 OUTSIDE_WORLD = {
-    *("asyncio", "fileinput", "glob", "http", "io", "logging", "mmap", "multiprocessing", "os", "pathlib", "requests"),
-    *("rclpy", "rospy", "rosbags", "select", "selectors", "shutil", "socket", "sqlite3", "ssl", "subprocess"),
-    *("tempfile", "time", "typer", "rich", "urllib", "websockets", "matplotlib", "mcap", "msgspec", "mujoco"),
+    *(
+        "asyncio",
+        "datetime",
+        "fileinput",
+        "glob",
+        "http",
+        "io",
+        "logging",
+        "mmap",
+        "multiprocessing",
+        "os",
+        "pathlib",
+        "requests",
+    ),
+    *("random", "rclpy", "rospy", "rosbags", "select", "selectors", "shutil", "socket", "sqlite3", "ssl", "subprocess"),
+    *(
+        "tempfile",
+        "threading",
+        "time",
+        "typer",
+        "rich",
+        "urllib",
+        "websockets",
+        "matplotlib",
+        "mcap",
+        "msgspec",
+        "mujoco",
+    ),
     "pyarrow",
 }
-"""Files, network, clocks and user interfaces: numerics import none of them."""
+BUILT_IN = {"input", "open", "print"}
+"""Files, network, clocks, threads, chance and user interfaces: numerics import none of them, and call none of these."""
 
-MAY_TOUCH = {("calibration.file", "msgspec"), ("calibration.file", "pathlib"), ("calibration.calibration", "pathlib")}
-"""A calibration saves and loads itself."""
+MAY_TOUCH = {
+    *(("calibration.file", name) for name in ("msgspec", "pathlib", "threading")),
+    ("calibration.calibration", "pathlib"),
+    ("geometry.arrays", "datetime"),
+    ("compensate.compensator", "threading"),
+    *(("compensate.runner", name) for name in ("print", "threading")),
+}
+"""A calibration saves and loads itself, under a lock that msgspec needs; times may be `datetime`, no clock is asked; a
+state refuses a second thread, and to compile it says on a terminal that it takes a while.
+"""
 
 
 @dataclass(frozen=True)
@@ -70,12 +104,31 @@ def imports(package: Path) -> list[Import]:
 
 
 def _statements(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Imports, those by `import_module` of a name that is written out and calls of `BUILT_IN` as such too."""
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+        if isinstance(child, ast.If) and ast.unparse(child.test).rpartition(".")[2] == "TYPE_CHECKING":
+            for other in child.orelse:
+                yield from _statements(ast.Module([other], []))
             continue
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child
+        elif isinstance(child, ast.Call) and (called := _called(child)):
+            yield called
         yield from _statements(child)
+
+
+def _called(call: ast.Call) -> ast.Import | ast.ImportFrom | None:
+    name = ast.unparse(call.func).rpartition(".")[2] if isinstance(call.func, ast.Name | ast.Attribute) else ""
+    if isinstance(call.func, ast.Name) and name in BUILT_IN:
+        return ast.Import([ast.alias(name)])
+    if name not in {"import_module", "__import__"} or not isinstance(call.args[0], ast.Constant):
+        return None
+    module = str(call.args[0].value)
+    absolute = module.lstrip(".")
+    if absolute == module:
+        return ast.Import([ast.alias(module)])
+    folder, _, last = absolute.rpartition(".")
+    return ast.ImportFrom(folder or None, [ast.alias(last)], len(module) - len(absolute))
 
 
 def _targets(
@@ -159,12 +212,12 @@ def _circles(edges: list[tuple[str, str]]) -> list[str]:
 
 
 def touching_the_outside_world(edges: list[Import]) -> list[str]:
-    """Numerics that import files, network, clocks or user interfaces, in words."""
+    """Numerics that touch files, network, clocks, threads, chance or user interfaces, in words."""
     return [
-        f"{edge.module} imports {edge.target}"
+        f"{edge.module} touches {edge.target}"
         for edge in edges
         if not edge.ours
         and folder_of(edge.module) in FILELESS
-        and edge.target.partition(".")[0] in OUTSIDE_WORLD
+        and edge.target.partition(".")[0] in OUTSIDE_WORLD | BUILT_IN
         and (edge.module, edge.target.partition(".")[0]) not in MAY_TOUCH
     ]

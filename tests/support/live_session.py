@@ -26,11 +26,11 @@ from contactwrench.live.snapshot import (
     Output,
     Parameter,
     Phase,
-    Pose,
     Poses,
     PushStep,
     Running,
     Snapshot,
+    TakenPose,
 )
 from contactwrench.live.source import Four, Six
 
@@ -125,7 +125,7 @@ def poses_step(taken: int, planned: int = 4, progress: float = 0.0, doubt: int |
         "The reading moved by 0.8 N while it was taken: was it touched?" if i == doubt else "" for i in range(taken)
     ]
     return Poses(
-        tuple(Pose(q, why) for q, why in zip(quaternions(taken), doubts, strict=True)),
+        tuple(TakenPose(q, why) for q, why in zip(quaternions(taken), doubts, strict=True)),
         tuple(quaternions(planned, 5)), 0.6, progress, "Waiting until the arm stands still.",
         history[-1] if history else None, 0.004, 0.1, bool(history and history[-1] and history[-1] < 0.1), history,
     )  # fmt: skip

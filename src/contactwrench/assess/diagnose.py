@@ -36,7 +36,7 @@ drop a pose in contact.
 
 POSE_IN_CONTACT, LEANING_BASE, NO_TOOL = 1.0, 1.1, 10.0
 """Costs, in changes: of a pose in contact; of a base that leans, once more for each right angle, so that a robot on a
-wall, whose user would have said so, counts for a little more than two wrong flags; of an interpretation that is
+wall, whose user would have said so, counts for a little more than two wrong options; of an interpretation that is
 explained by no weight at all.
 """
 
@@ -129,8 +129,16 @@ class Diagnosis:
 def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
     """Rank all ways to read a file by what a rigid tool leaves of them.
 
-    `model` that `calibrate` will be asked for: auto, yaw, mount or mount+base. Raises `InputError` for another one, and
-    where no interpretation makes rotations; `UnobservableError` for fewer than 5 poses.
+    Args:
+        file: all ways to read it, of `interpretations`.
+        model: that `calibrate` will be asked for: auto, yaw, mount or mount+base.
+
+    Returns:
+        The best interpretation, the others in their order, and those that these poses cannot tell from it.
+
+    Raises:
+        InputError: another model, or no interpretation that makes rotations.
+        UnobservableError: fewer than 5 poses.
     """
     n = len(file.wrench)
     require_alive(file.wrench, file.source)
@@ -139,7 +147,7 @@ def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
     if n < FEWEST_POSES:
         raise UnobservableError(
             f"{file.source}: found {n} distinct orientations, expected {FEWEST_POSES} or more to tell one "
-            "reading from another: record six or more that tilt the tool about two axes"
+            "interpretation from another: record six or more that tilt the tool about two axes"
         )
     if not file.orientations:
         raise InputError(
@@ -147,7 +155,7 @@ def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
             "hold an orientation"
         )
     screening = screened(file)
-    given = None if file.given is None else _excused(file, _explained(file, file.given, model))
+    given = None if file.stated is None else _excused(file, _explained(file, file.stated, model))
     fits = [] if given is None else [given]
     promising = [_explained(file, file.interpretation(*place), "mount") for place in screening.classes()]
     promising.sort(key=lambda fit: fit.odds)
@@ -276,6 +284,6 @@ def _alike(
     other_unit = own.torque_factor != 1.0
     for place in [] if best.lean > 0.0 else np.argwhere(screening.class_of(own.place)).tolist():
         alike += [file.interpretation(*place, by_gravity=turned, other_unit=other_unit) for turned in (False, True)]
-    others = {(interpretation.flags, interpretation.mends): interpretation for interpretation in alike}
-    others.pop((own.flags, own.mends), None)
+    others = {(interpretation.options, interpretation.mends): interpretation for interpretation in alike}
+    others.pop((own.options, own.mends), None)
     return sorted(others.values(), key=lambda interpretation: interpretation.cost)

@@ -21,7 +21,7 @@ COST_OF_CHANGE = 2.0 * float(np.log(20.0))
 
 REVERSED_SIGN = 1.0
 REVERSED_GRAVITY = 1.2
-"""What a change costs, in changes as likely as a wrong flag."""
+"""What a change costs, in changes as likely as a wrong option."""
 
 PUSH = (
     "push the tool by hand along +x, +y and +z of the sensor: if fx, fy and fz rise, each in its turn, sign and axes "
@@ -38,11 +38,11 @@ SEE_BASE = "see how the robot's base stands: upright, leaning, on a wall or on t
 class OrientationInterpretation:
     """Of the orientation: `R_base_flange` (m, 3, 3), belonging to the file's readings in `rows` (m).
 
-    `flags` make it so on the command line, with `units` of angles where these are not empty; `mends` is what else to
+    `options` make it so on the command line, with `units` of angles where these are not empty; `mends` is what else to
     change in the file, in words; `cost` is 0 for what was stated, about 1 for each change.
     """
 
-    flags: tuple[str, ...]
+    options: tuple[str, ...]
     mends: tuple[str, ...]
     cost: float
     R_base_flange: Array
@@ -56,7 +56,7 @@ class WrenchInterpretation:
     sensor's; the rest as in `OrientationInterpretation`.
     """
 
-    flags: tuple[str, ...]
+    options: tuple[str, ...]
     mends: tuple[str, ...]
     cost: float
     matrix: Array
@@ -77,14 +77,14 @@ class TorqueUnit:
 
 @dataclass(frozen=True)
 class Interpretation:
-    """One way to read a file: the `flags` that make it so, all of them, and the `mends` that no flag makes.
+    """One way to read a file: the `options` that make it so, all of them, and the `mends` that no option makes.
 
     `orientation`, `wrench` are indices into `Interpretations`; `negated`: the readings as they stand in the file;
     `reversed_gravity`: the stated direction; `torque_factor` turns the stated unit of the torque into N m. `cost`: of
     its changes from what was stated.
     """
 
-    flags: tuple[str, ...]
+    options: tuple[str, ...]
     mends: tuple[str, ...]
     cost: float
     orientation: int
@@ -126,7 +126,7 @@ class Interpretations:
         return np.array(DOWN) if self.gravity is None else self.gravity
 
     @property
-    def given(self) -> Interpretation | None:
+    def stated(self) -> Interpretation | None:
         """The stated interpretation; None where it cannot be read."""
         return None if self.complaint is not None else self.interpretation(0, 0, int(self.sign == "reaction"))
 
@@ -138,17 +138,17 @@ class Interpretations:
         """
         o, w = self.orientations[orientation], self.wrenches[wrench]
         reaction = bool(negative) != by_gravity
-        flags = (*o.flags, *w.flags, *(["--sign reaction"] if reaction else []))
+        options = (*o.options, *w.options, *(["--sign reaction"] if reaction else []))
         if by_gravity or self.gravity is not None:
-            flags = (*flags, f"--gravity {negated(self.down if by_gravity else -self.down)}")
+            options = (*options, f"--gravity {negated(self.down if by_gravity else -self.down)}")
         of_torque = self.torque_unit.units if other_unit else ""
         units = {pair.partition("=")[0]: pair for pair in (*self.units, o.units, of_torque) if pair}
-        flags = (*flags, *([f"--units {','.join(units.values())}"] if units else []))
+        options = (*options, *([f"--units {','.join(units.values())}"] if units else []))
         cost = o.cost + w.cost + REVERSED_SIGN * (reaction != (self.sign == "reaction"))
         cost += REVERSED_GRAVITY * by_gravity + self.torque_unit.cost * other_unit
         mends = (*o.mends, *w.mends, *([self.torque_unit.mend] if other_unit and not of_torque else []))
         factor = self.torque_unit.factor if other_unit else 1.0
-        return Interpretation(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
+        return Interpretation(options, mends, cost, orientation, wrench, reaction, by_gravity, factor)
 
     def observations(self, best: Interpretation, others: Sequence[Interpretation], leans: bool) -> tuple[str, ...]:
         """What would tell the best from the others, by one of which the base `leans`."""

@@ -115,8 +115,18 @@ class Plan(Frozen):
 
 
 def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: ArrayLike | None = None) -> Expected:
-    """The tool and noise to plan for: by the `model`, fitted to `samples`; or assumed, where there are none or too few
-    to tell. `gravity`: direction (3,), base axes; None: down. Raises `InputError` for unusable arguments.
+    """The tool and noise to plan for.
+
+    Args:
+        samples: free of contact; None, or too few to tell: the tool is assumed.
+        model: that is fitted to them.
+        gravity: direction (3,), base axes; None: down.
+
+    Returns:
+        The tool, the noise of a pose's reading (6,), N and N m, and why it is assumed, where that is so.
+
+    Raises:
+        InputError: unusable arguments.
     """
     _require_model(model)
     d = unit_direction((0.0, 0.0, -1.0) if gravity is None else gravity)
@@ -139,7 +149,14 @@ def _noise_of_readings(still: StillNoise | None) -> Array | None:
 
 
 def recorded_orientations(samples: Samples) -> Array:
-    """The orientations (m, 3, 3) of the contact-free poses in a recording, in the order of their first rows."""
+    """The orientations of the contact-free poses in a recording.
+
+    Args:
+        samples: the recording.
+
+    Returns:
+        `R_base_flange` (m, 3, 3), in the order of their first rows.
+    """
     free, _ = contact_free(samples)
     return np.array([pose.R_base_flange for pose in resting_poses(free, is_stream(samples))]).reshape(-1, 3, 3)
 
@@ -164,6 +181,9 @@ def plan(
         model: that will be fitted: yaw, mount, mount+base, or auto, which expects small tilts of mounting and base.
         recorded: orientations (m, 3, 3) of the poses that come before; None: none.
         reach: what a robot's wrist reaches, to choose only from that.
+
+    Returns:
+        The orientations (n, 3, 3) in order, and how certain a calibration is without and with them.
 
     Raises:
         InputError: a model or a number that cannot be planned for, or no orientation is left.

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
+from ..geometry.rotations import procrustes
 from ..model import gravity_in_flange
 from .interpretations import (
     COST_OF_CHANGE,
@@ -84,15 +85,13 @@ def _unexplained(cross: Array, total: Array, square: Array, n: Array) -> Array:
     spread = np.where(moving, spread, np.inf)
     inertia = np.where(moving, spread, 1.0)[:, None, None] * np.eye(3) - square
     inverse_inertia = np.linalg.pinv(inertia, rcond=1e-9, hermitian=True)[:, None]
-    U, s, Vt = np.linalg.svd(cross[:, :, 0])
-    handedness = np.linalg.det(U @ Vt)
     squares = np.empty((*total.shape[:2], 2, 2))
     for k, sign in enumerate((1.0, -1.0)):
-        last = sign * handedness
-        pull = s[..., 0] + s[..., 1] + last * s[..., 2]
+        force, torque = sign * cross[:, :, 0], sign * cross[:, :, 1]
+        R_flange_sensor = procrustes(force)
+        pull = np.sum(R_flange_sensor * force, axis=(-2, -1))
         squares[..., k, 0] = total[..., 0] - pull**2 / spread[:, None]
-        R_flange_sensor = sign * U @ (np.stack([np.ones_like(last), np.ones_like(last), last], axis=-1)[..., None] * Vt)
-        across = sign * cross[:, :, 1] @ np.swapaxes(R_flange_sensor, -1, -2)
+        across = torque @ np.swapaxes(R_flange_sensor, -1, -2)
         moment = np.stack([across[..., i, j] - across[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
         explained = np.einsum("vki,vkij,vkj->vk", moment, inverse_inertia * moving[:, None, None, None], moment)
         squares[..., k, 1] = total[..., 1] - explained

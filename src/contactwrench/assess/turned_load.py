@@ -8,10 +8,26 @@ from ..calibration.calibration import Calibration
 from ..estimation.variance_components import USUAL
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
-from ..model import gravity_in_flange
+from ..model import gravity_in_flange, weight_scale
 
 LEAST_OF_NOISE = 0.05
 """Of the variance of a reading, what is left to noise where the robot's errors seem to be all of it."""
+
+
+def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
+    """Gravity's force (n, 3) on the calibrated tool, N, sensor axes: it points down."""
+    return gravity_in_flange(R_base_flange, calibration.gravity_direction) @ calibration.B[:3, :3].T
+
+
+def down_in_sensor(calibration: Calibration, R_base_flange: Array) -> tuple[Array, Array]:
+    """Unit "down" (n, 3) in sensor axes, and its derivative (n, 3, p) with respect to the calibration's parameters."""
+    force = gravity_in_sensor(calibration, R_base_flange)
+    size = np.linalg.norm(force, axis=1)[:, None]
+    down = force / size
+    J = calibration.error_jacobian(R_base_flange)[:, :3].copy()
+    J[:, :, [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]] = 0.0
+    across = np.eye(3) - down[:, :, None] * down[:, None, :]
+    return down, across @ J / size[..., None]
 
 
 def largest_turn(calibration: Calibration) -> float:
@@ -20,8 +36,7 @@ def largest_turn(calibration: Calibration) -> float:
     """
     if calibration.orientation_std is not None:
         return calibration.orientation_std
-    weight = float(np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False)))
-    return min(float(np.sqrt(np.mean(calibration.noise[:3] ** 2))) / max(weight, 1e-300), USUAL)
+    return min(float(np.sqrt(np.mean(calibration.noise[:3] ** 2))) / max(weight_scale(calibration.B), 1e-300), USUAL)
 
 
 def whitening(
@@ -32,7 +47,7 @@ def whitening(
     (3,) N m, and the tool, whose share is in the variance, where the calibration knows how large it is.
     """
     r = gravity_in_flange(R_base_flange, calibration.gravity_direction)
-    to_sensor = calibration.B[:3, :3] / np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False))
+    to_sensor = calibration.B[:3, :3] / weight_scale(calibration.B)
     turned, noise = np.concatenate([weight * to_sensor, cross_matrix(moment) @ to_sensor]), variance
     if calibration.orientation_std is not None:
         of_tool = calibration.orientation_std * calibration.B[:, :3] @ cross_matrix(r)

@@ -27,7 +27,7 @@ from ..samples.poses import Pose, names_of
 from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings
-from .weigh import gravity_in_sensor
+from .turned_load import gravity_in_sensor
 
 
 @dataclass(frozen=True)
@@ -124,11 +124,22 @@ def verify(
 ) -> Verification:
     """Hold `samples` against `calibration`.
 
-    Poses without a load must be explained: within `limit_force` N and `limit_torque` N m (norms, every pose) where
-    those are given, else by the calibration's covariance and noise at the 1 % level, less a bias that moved no further
-    than calibrating has seen it move. Poses with a `load_mass` are weighed, with `g` m/s^2 (None: the calibration's);
-    without limits the weighings must agree with the loads at that level too. Samples with a saturated channel are left
-    out. Raises `InputError` for a limit or a `g` that is none, and where there is nothing to judge by.
+    Poses without a load must be explained: within the limits where those are stated, else by the calibration's
+    covariance and noise at the 1 % level, less a bias that moved no further than calibrating has seen it move. Poses
+    with a `load_mass` are weighed; without limits the weighings must agree with the loads at that level too.
+
+    Args:
+        calibration: that is held against them.
+        samples: free of contact; those with a saturated channel are left out.
+        limit_force: N, of what is left in every pose, a norm.
+        limit_torque: N m, likewise.
+        g: m/s^2; None: the calibration's.
+
+    Returns:
+        Whether it passed, why, and what is left of each pose.
+
+    Raises:
+        InputError: a limit or a `g` that is none, or nothing to judge by.
     """
     for limits, name, value in ((LEFT_FORCE, "limit_force", limit_force), (LEFT_TORQUE, "limit_torque", limit_torque)):
         if value is not None:

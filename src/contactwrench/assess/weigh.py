@@ -25,12 +25,12 @@ from ..estimation.plausibility import FURTHEST_COM
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.ranges import G
 from ..geometry.wrench import cross_matrix
-from ..model import gravity_in_flange, mounting_turn
+from ..model import mounting_turn
 from ..samples.poses import SAME_POSE_ANGLE
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, meaningful_digits, percent, square_root, two_digits
-from .turned_load import largest_turn, whitening
+from .turned_load import down_in_sensor, largest_turn, whitening
 
 THREE_STD = 0.9973
 """Level of three standard deviations of a normal distribution: a mass nearer to zero is none."""
@@ -97,9 +97,17 @@ class HeldObject(Frozen, WithFindings):
 def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None) -> HeldObject:
     """Weigh what the tool of `calibration` holds in `samples`, still and touching nothing else.
 
-    `g` m/s^2, None: the calibration's. Samples with a `load_mass` of 0 are left out where others have one above 0, and
-    those with a saturated channel always. Raises `InputError` for no samples, for loads of several masses, and for a
-    `g` that is none.
+    Args:
+        calibration: of the tool alone.
+        samples: with the object. Those with a `load_mass` of 0 are left out where others have one above 0, and those
+            with a saturated channel always.
+        g: m/s^2; None: the calibration's.
+
+    Returns:
+        Its mass, kg, and centre of mass, m, each with its uncertainty.
+
+    Raises:
+        InputError: no samples, loads of several masses, or a `g` that is none.
     """
     g = float(G.require(calibration.g if g is None else g, "g"))
     held, left_out = _of_one_object(samples)
@@ -108,7 +116,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         raise InputError(f"{samples.source}: found no samples, expected poses in which the object is held")
     R = np.array([pose.R_base_flange for pose in poses])
     contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)[..., None]
-    down, turned = _down(calibration, R)
+    down, turned = down_in_sensor(calibration, R)
     across, unknown_along = _seen(down)
     # Wrenches (n, 6, 1 + k) of a unit mass at the origin, and of unit moments along the columns of `across`.
     gravity = np.zeros((len(R), 6, 1 + across.shape[1]))
@@ -175,11 +183,6 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     )
 
 
-def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
-    """Gravity's force (n, 3) on the calibrated tool, N, sensor axes: it points down."""
-    return gravity_in_flange(R_base_flange, calibration.gravity_direction) @ calibration.B[:3, :3].T
-
-
 def _of_one_object(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     """The samples in which the object is held, and that others were left out."""
     samples, findings = usable(samples)
@@ -197,17 +200,6 @@ def _of_one_object(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
         text = f"{int(np.sum(~loaded))} rows without a load were left out"
         findings = (*findings, Finding(Kind.LOADED_ROWS, Severity.REFUSED, text))
     return samples.select(loaded), findings
-
-
-def _down(calibration: Calibration, R_base_flange: Array) -> tuple[Array, Array]:
-    """Unit "down" (n, 3) in sensor axes, and its derivative (n, 3, p) with respect to the calibration's parameters."""
-    force = gravity_in_sensor(calibration, R_base_flange)
-    size = np.linalg.norm(force, axis=1)[:, None]
-    down = force / size
-    J = calibration.error_jacobian(R_base_flange)[:, :3].copy()
-    J[:, :, [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]] = 0.0
-    across = np.eye(3) - down[:, :, None] * down[:, None, :]
-    return down, across @ J / size[..., None]
 
 
 def _seen(down: Array) -> tuple[Array, Array | None]:

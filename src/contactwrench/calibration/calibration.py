@@ -53,8 +53,7 @@ class Calibration(CalibrationFields):
         provenance: program, source, rows, g, options of reading, time.
         poses: used and left out; empty beyond 10,000.
         moments: sums that stand for the poses beyond 10,000.
-        weight_xy: N, of `paper`: from fx and fy.
-        weight_z: N, of `paper`: from fz.
+        weight_xy: N, of `paper`: from fx and fy; `weight_z` from fz.
         parameter_dof: degrees of freedom of each parameter's variance (p,).
         assumptions: of `auto`, in words.
         alternatives: what other models make of the same poses.
@@ -63,6 +62,7 @@ class Calibration(CalibrationFields):
         gain_covariance: (24, 24), what gain and cross-talk add to that of B; None where nothing speaks for them.
         orientation_std: rad an axis, by which the robot's orientations are off; None where nothing speaks for it.
         still_noise: of means over 10 ms to 1 s at rest; None where the poses came without.
+        dynamics: inertia (3, 3) kg m^2 and sensor offset (3,) m with their covariance; None but of `dynamic`.
     """
 
     def __str__(self) -> str:

@@ -49,7 +49,7 @@ def meaning(change: Difference) -> tuple[str, ...]:
     if change.gravity_angle > SAME_GRAVITY and "gravity" not in [group.name for group in groups]:
         sentences.append(
             f"gravity was stated {np.rad2deg(change.gravity_angle):.3g} deg apart in base axes: another stand, or "
-            "another flag"
+            "another option"
         )
     return tuple(sentences)
 

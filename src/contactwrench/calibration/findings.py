@@ -129,6 +129,16 @@ class Finding:
         """What a text for people puts before it."""
         return "Note" if self.severity is Severity.NOTE else "Warning"
 
+    @property
+    def said(self) -> str:
+        """The text without the word of its severity."""
+        return self.text.removeprefix(f"{self.severity}: ")
+
+    @property
+    def brief(self) -> str:
+        """What was found, without what follows from it: a text has that after a colon."""
+        return self.said.partition(": ")[0]
+
     @classmethod
     def weak(cls, kind: Kind, text: str) -> Finding:
         """A finding that says "weak" itself, for those who read warnings only."""

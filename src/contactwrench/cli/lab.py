@@ -23,7 +23,7 @@ from .streams import caught
 if TYPE_CHECKING:
     from ..lab.device import Fake
     from ..lab.rig import Lab
-    from ..lab.signals import Signal
+    from ..lab.truth import Truth
 
 PORTS = Range(0, 65_000)
 LEAST_DEG, MOST_DEG = (0.0, 0.0, 0.0, 0.0, -90.0, -110.0, -120.0), (0.0, 0.0, 0.0, 0.0, 90.0, 25.0, 120.0)
@@ -82,29 +82,29 @@ def lab(
         raise typer.Exit(status)
 
 
-def _sensor(kind: str, signal: Signal, ports: list[int]) -> Fake:
+def _sensor(kind: str, truth: Truth, ports: list[int]) -> Fake:
     from ..lab import ft300, lines, netft, robotiq, sri
 
     made: dict[str, Callable[[], Fake]] = {
-        "sri": lambda: sri.Sri(signal, port=ports[0]),
-        "netft": lambda: netft.NetFt(signal, port=ports[0], http_port=ports[1]),
-        "ft300": lambda: ft300.Ft300(signal, port=ports[0]),
-        "robotiq": lambda: robotiq.Robotiq(signal, port=ports[0]),
-        "lines": lambda: lines.TcpLines(signal, shows="wrench", port=ports[0]),
+        "sri": lambda: sri.Sri(truth, port=ports[0]),
+        "netft": lambda: netft.NetFt(truth, port=ports[0], http_port=ports[1]),
+        "ft300": lambda: ft300.Ft300(truth, port=ports[0]),
+        "robotiq": lambda: robotiq.Robotiq(truth, port=ports[0]),
+        "lines": lambda: lines.TcpLines(truth, shows="wrench", port=ports[0]),
     }
     return made[kind]()
 
 
-def _robot(kind: str, signal: Signal, port: int) -> Fake:
+def _robot(kind: str, truth: Truth, port: int) -> Fake:
     """The robot; of one that sends without being asked, `port` is where it sends to."""
     from ..lab import lines, rsi, ur
     from ..lab.device import LOCALHOST
     from ..lab.sockets import free_port
 
     made: dict[str, Callable[[], Fake]] = {
-        "ur": lambda: ur.Ur(signal, port=port),
-        "rsi": lambda: rsi.Rsi(signal, (LOCALHOST, port or free_port())),
-        "lines": lambda: lines.UdpLines(signal, (LOCALHOST, port or free_port()), shows="pose"),
+        "ur": lambda: ur.Ur(truth, port=port),
+        "rsi": lambda: rsi.Rsi(truth, (LOCALHOST, port or free_port())),
+        "lines": lambda: lines.UdpLines(truth, (LOCALHOST, port or free_port()), shows="pose"),
     }
     return made[kind]()
 
@@ -117,12 +117,12 @@ def wandering(rng: np.random.Generator) -> Iterator[Array]:
         yield HOME + np.deg2rad(rng.uniform(LEAST_DEG, MOST_DEG))
 
 
-def _run(virtual: Lab, goals: Iterator[Array] | None, ended: Callable[[float], int | None]) -> int:
+def _run(virtual: Lab, targets: Iterator[Array] | None, ended: Callable[[float], int | None]) -> int:
     """Until Ctrl-C, or until what is asked after so many s says that it has ended, with which status; the arm goes to
-    one of `goals` after the other, where there are some.
+    one of `targets` after the other, where there are some.
     """
     while True:
-        lasting = 0.0 if goals is None else virtual.move_to(next(goals))
+        lasting = 0.0 if targets is None else virtual.move_to(next(targets))
         if (status := ended(lasting + REST)) is not None:
             return status
 

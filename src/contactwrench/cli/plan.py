@@ -96,8 +96,8 @@ def plan(
     if json and to_stdout:
         raise InputError("--json and --output - both write to stdout, expected one of them: name a file for --output")
     if recorded is None and written.stated:
-        flags = ", ".join(f"--{name.replace('_', '-')}" for name in written.stated)
-        raise InputError(f"found {flags} and no recording to read so: give --from FILE, or leave them out")
+        stated_so = ", ".join(f"--{name.replace('_', '-')}" for name in written.stated)
+        raise InputError(f"found {stated_so} and no recording to read so: give --from FILE, or leave them out")
     motion = {"duration": duration, "above": above, "within": within}
     stated = {name: value for name, value in motion.items() if value is not None}
     if dynamic:

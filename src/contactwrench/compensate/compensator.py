@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from math import ceil, inf, isnan, nan
+from math import inf, isnan, nan
 from threading import get_ident
 from typing import Any
 
@@ -23,20 +23,17 @@ from .acceleration import told
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, require_let_go, start_anew, track
 from .contact_detection import LEARN_FIRST, contact_so_far, covariance_of, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
-from .delay import use_delay
+from .delay import past_of, use_delay
 from .faults import BACK, SAME, measured_by, reason_of
 from .filters import LowPass, gains_of_poses, use_low_passes
 from .inertia import use_inertia
-from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise
-from .runner import NOTHING_TOLD, TAKEN, by_one_thread, given, heat_told, require_one, results_of, steps_of
+from .noise import between_poses, known_noise, of_pairs, six_numbers, stated_noise
+from .runner import NOTHING_TOLD, TAKEN, by_one_thread, heat_told, require_one, results_of, samples_of, steps_of
 from .shaking import known_motion
-from .state import COVARIANCE, ENDED, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State
-from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
+from .state import COVARIANCE, ENDED, NOISE_LEARNED, RATE_FOUND, State
+from .step import ASK, WHOLLY, WRENCH_ALONE
 
-GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
-"""After a longer gap than both the filters start anew."""
-DENSEST = 10_000.0
-"""Hz: the ring of past orientations and accelerations has room for this many a second."""
+GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0  # after a longer gap than both the filters start anew
 
 
 class Compensator:
@@ -47,18 +44,16 @@ class Compensator:
 
     Args:
         calibration: of the tool and the sensor.
-        rate: Hz; None: from the first 25 stamps (`InputError` where a cut-off is too high for it), nothing filtered
-            until then; and from more and more of those that follow, where they have another.
-        noise: std (6,) of one sample, N and N m, or one number, N, that stands for as many N m at a lever of 5 cm; or a
-            recording (n, 6) at rest or, compensated, of free motion; None: the calibration's `still_noise`, or, where
-            it has none, learned from the first second of samples, which are taken for free.
+        rate: Hz; None: from the first 25 stamps, and from more and more of those that follow, where they have another;
+            nothing is filtered until then, and a cut-off may be too high for it (`InputError`).
+        noise: std (6,) of one sample, N and N m; or one number, N, with N m at a lever of 5 cm; or a recording (n, 6)
+            at rest or, compensated, free; None: the calibration's `still_noise`, or learned from a first second, free.
         lowpass: of the contact wrench, a `LowPass`, or a cut-off in Hz (Butterworth of order 2).
-        sensor_filter: what the sensor itself does to a wrench, a `LowPass` or a cut-off in Hz (first order); the same
-            is done to the model.
+        sensor_filter: what the sensor does to a wrench, and so is done to the model: as `lowpass`, but of first order.
         delay: s, how much later than the orientation the wrench is stamped, 1 at most; None: as calibrated, if known.
         delay_std: s, of that, which counts while the arm turns; None: the calibration's, 0 of a `delay` that is stated.
-        drift: std (6,) of the bias' random walk after an hour, N and N m, or one number as for `noise`; 0.05 is typical
-            (`bias_tracking.TYPICAL_DRIFT`). None: not followed, as a push too slow or weak to be detected would be.
+        drift: std (6,) of the bias' random walk after an hour, N and N m, or one number as for `noise`; typical:
+            `contactwrench.compensate.bias_tracking.TYPICAL_DRIFT`. None: not followed, nor a push that is as slow.
         temperature_coefficient: (6,) of the bias, N/K and N m/K; each reading then comes with a temperature.
         false_alarm_rate: per sample; a contact takes one that is a hundred times as rare.
         minimum_duration: s, of a contact, and of its end.
@@ -116,8 +111,7 @@ class Compensator:
         s = deepcopy(self._settings)
         self._noise = known_noise(self._calibration, self._stated, self._rate)
         track(s, self._calibration, between_poses(self._calibration, self._noise.white * s.knows_noise))
-        room = 4 + ceil(max(s.look_back * (s.delay != 0.0), -s.felt_late) * max(DENSEST, 2.0 * (self._rate or 0.0)))
-        self._runner = self._steps(s, np.zeros((room, OF_DOWN + OF_MOTION * s.knows_inertia + OF_FELT * s.feels)))
+        self._runner = self._steps(s, past_of(s, self._rate))
         self._last_contact: Contact | None = None
         self._use_noise(None)
         if self._rate is not None:
@@ -154,8 +148,7 @@ class Compensator:
             InputError: a shape, no numbers, a rate that is too low for a cut-off, or a call while another runs.
         """
         reading, turn = numbers(wrench, "wrench"), numbers_of(orientation)
-        at_rest = position is None and acceleration is None
-        place = NOTHING_TOLD if at_rest else told(self._calibration, position, acceleration)
+        place = NOTHING_TOLD if position is acceleration is None else told(self._calibration, position, acceleration)
         require_one(reading, turn, place)
         t = t if isinstance(t, float) else number(seconds(t), "t")
         heat = nan if temperature is None and not self._by_heat else number(heat_told(temperature), "temperature")
@@ -177,7 +170,8 @@ class Compensator:
         the pose before it. At most two poses may be ahead of the next reading: more are not kept.
 
         Args:
-            orientation, position: as of a reading; what is none is passed over.
+            orientation: of the flange, as of a reading; what is none is passed over.
+            position: (3,) m of the flange, base axes; likewise.
             t: s, by the clock of the readings.
             passed: s since the pose before, by the robot's own clock; inf, NaN: nothing is to be told from that one.
 
@@ -207,15 +201,19 @@ class Compensator:
             orientation: `R_base_flange` (n, 3, 3), quaternions x, y, z, w (n, 4), or a scipy `Rotation`.
             t: (n,) s.
             temperature: (n,) K or degrees C; NaN: not known.
-            position, acceleration: (n, 3), as of a single reading.
+            position: (n, 3) m of the flange, base axes; None: the arm is at rest.
+            acceleration: (n, 3) of its accelerometer, own axes and unit; None: it has none.
             motion: of the flange, from a whole recording, in place of what follows from position to position.
+
+        Returns:
+            The contact wrenches of the n readings in their order, and the contacts that ended in them.
 
         Raises:
             InputError: shapes that do not pair, else as for a single reading.
         """
         moving = () if motion is None else known_motion(self._calibration, orientation, motion)
         place = None if position is None and acceleration is None else told(self._calibration, position, acceleration)
-        samples, width = given(wrench, orientation, t, temperature, self._by_heat, place, *moving)
+        samples, width = samples_of(wrench, orientation, t, temperature, self._by_heat, place, *moving)
         contacts, covariances, taken = list[Contact](), [covariance_of(self._runner.state)], 0
         while taken < len(samples):
             taken = self._runner.advance(samples, width, taken)
@@ -231,17 +229,22 @@ class Compensator:
     def zero(self, samples: Samples) -> Zero:
         """Take what free readings at rest leave, in whatever orientation, for the bias from now on.
 
+        Args:
+            samples: the free readings, 10 or more, with their orientations.
+
+        Returns:
+            By how much they had moved, (6,) N and N m, and the std of that.
+
         Raises:
-            InputError: the samples move, scatter more than noise does or are fewer than 10, or come in a contact whose
-                beginning was seen; nothing is changed.
+            InputError: they move, scatter more than noise, are too few, or a contact has begun; nothing is changed.
         """
         s, before = self._runner.state, self.drift
         require_let_go(s)
         mean, variance, R = free_mean(self._calibration, samples, self._noise if s.knows_noise else None)
         start_anew(s, mean, variance, R)
         s.spoiled, s.fresh, s.touching, s.run = True, WRENCH_ALONE, False, 0
-        of_calibration = self._calibration.wrench_covariance(R).diagonal() + np.array(s.between)
-        return Zero(mean - before, np.sqrt(of_calibration + variance))
+        variance = variance + self._calibration.wrench_covariance(R).diagonal() + np.array(s.between)
+        return Zero(mean - before, np.sqrt(variance))
 
     @property
     def last_contact(self) -> Contact | None:
@@ -291,10 +294,7 @@ class Compensator:
     def _use_noise(self, rate: float | None) -> None:
         """The noise is another; None: the rate is not known, and nothing is filtered."""
         s, low_pass = self._runner.state, None if rate is None else self._lowpass
-        noise = self._noise = self._noise.over(LEVEL_KNOWN, rate)
+        self._noise = self._noise.over(LEVEL_KNOWN, rate)
         s.pose_gain[:] = gains_of_poses(low_pass, rate)
         s.settled = 0 if low_pass is None or rate is None else low_pass.settles_in(rate)
-        s.noise_filtered[:] = noise.behind(low_pass, rate or USUAL_RATE).tolist()
-        s.noise_variance[:], s.flicker[:] = noise.of_sample.tolist(), noise.flicker.tolist()
-        s.block_noise[:] = noise.of_mean(1.0 if rate is None else max(BLOCK_SECONDS * rate, 1.0)).tolist()
-        s.stale = True
+        self._noise.told_to(s, low_pass, rate)

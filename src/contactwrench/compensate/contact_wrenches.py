@@ -60,8 +60,8 @@ class ContactWrench(Sealed):
 class Contact(Frozen):
     """One contact, from `onset` to `release` s (None: it lasts).
 
-    `peak` (6,): the wrench that stood out most; `mean` (6,) with its `covariance` (6, 6). `onset_seen` is False where
-    the tool had not been seen free before, so that a bias that moved looks the same.
+    `peak` (6,): the wrench that stood out most; `mean` (6,) with its `covariance` (6, 6): N and N m, sensor axes.
+    `onset_seen` is False where the tool had not been seen free before, so that a bias that moved looks the same.
     """
 
     onset: float

@@ -5,15 +5,16 @@ is another by then.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import ceil, sqrt
 
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY, DELAY_STD, LAG
 from ..samples.delay import is_significant
 from .filters import LowPass, low_pass
-from .state import OF_DOWN, TERMS, Matrix, Row, State, kernel
+from .state import OF_DOWN, OF_FELT, OF_MOTION, TERMS, Matrix, Row, State, kernel
 
 LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
@@ -22,8 +23,16 @@ USUAL_DELAY = 0.05
 TURN_WINDOW = 0.02
 """s: over which a turn is followed; it is over where nothing turns for as long and twice the usual time between poses.
 """
+DENSEST = 10_000.0
+"""Hz: the ring of past orientations and accelerations has room for this many a second."""
 NEXT_TO_NOTHING = 1e-4
 """Of a variance."""
+
+
+def past_of(s: State, rate: float | None) -> Array:
+    """Room for past orientations, and motions and accelerations where they count: as far back as a delay looks."""
+    rows = 4 + ceil(max(s.look_back * (s.delay != 0.0), -s.felt_late) * max(DENSEST, 2.0 * (rate or 0.0)))
+    return np.zeros((rows, OF_DOWN + OF_MOTION * s.knows_inertia + OF_FELT * s.feels))
 
 
 def use_delay(
@@ -152,9 +161,9 @@ def follow_turn(s: State, now: float, passed: float, fresh: bool, fresh_pose: bo
     held; with it what is missed where down is carried on: as a covariance of down, `of_turn`. Whether they count.
     Nothing is learned of the bias where they are beyond the noise.
     """
-    down, last, turning, counts = s.down, s.last_down, s.turning, False
+    down, last, down_rate, counts = s.down, s.last_down, s.down_rate, False
     if fresh_pose:
-        s.followed = s.since_turn = turning[0] = turning[1] = turning[2] = 0.0
+        s.followed = s.since_turn = down_rate[0] = down_rate[1] = down_rate[2] = 0.0
     else:
         s.since_turn += passed
     turned = down[0] != last[0] or down[1] != last[1] or down[2] != last[2]
@@ -162,13 +171,13 @@ def follow_turn(s: State, now: float, passed: float, fresh: bool, fresh_pose: bo
         since = s.since_turn if turned else passed
         s.followed = max(min(s.followed + since, TURN_WINDOW), since)
         for k in range(3):
-            turning[k] += (down[k] - last[k] - since * turning[k]) / s.followed
+            down_rate[k] += (down[k] - last[k] - since * down_rate[k]) / s.followed
         s.since_turn = 0.0 if turned else s.since_turn
     age = age_of_orientation(s, now)
     off, lateness = s.turned_by, sqrt(s.delay_std * s.delay_std + age * age)
     for k in range(3):
         last[k] = down[k]
-        off[k] = lateness * turning[k]
+        off[k] = lateness * down_rate[k]
     count = 3
     if s.delay < 0.0:
         count = TERMS

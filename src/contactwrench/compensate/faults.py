@@ -60,27 +60,29 @@ REASONS = (
 
 
 class Reason(str):
-    """What is wrong with a sample in words, and the `kind` of it, by which samples are counted."""
+    """What is wrong with a sample in words, the `kind` of it, by which samples are counted (the word before the colon
+    unless stated), and the `channel`, -1 where it is of no single one.
+    """
 
-    __slots__ = ("kind",)
+    __slots__ = ("channel", "kind")
     kind: str
+    channel: int
 
-    def __new__(cls, text: str, kind: str) -> Reason:
-        """A string that knows its kind."""
+    def __new__(cls, text: str, kind: str = "", channel: int = -1) -> Reason:
+        """A string that knows its kind and channel."""
         reason = super().__new__(cls, text)
-        reason.kind = kind
+        reason.kind, reason.channel = kind or text.partition(":")[0], channel
         return reason
 
-    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
-        return str(self), self.kind
+    def __getnewargs__(self) -> tuple[str, str, int]:  # type: ignore[override]
+        return str(self), self.kind, self.channel
 
 
 def reason_of(fault: int, detail: float, channel: int) -> Reason | None:
     """A fault of a sample; None where there is none."""
     if fault == FINE:
         return None
-    kind = REASONS[fault].partition(": ")[0]
-    return Reason(REASONS[fault].format(detail=detail, axis=AXES[channel], unit=UNITS[channel]), kind)
+    return Reason(REASONS[fault].format(detail=detail, axis=AXES[channel], unit=UNITS[channel]), channel=channel)
 
 
 def reasons_of(samples: NDArray[np.void]) -> tuple[Reason | None, ...]:

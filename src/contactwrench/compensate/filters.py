@@ -29,7 +29,8 @@ class LowPass:
     """A low-pass filter with `cutoff` Hz (3 dB): a Butterworth of `order` 1 to 4, or, with order 0, the first-order
     filter that sensors and drivers compute, `y += (1 - exp(-2 pi cutoff / rate)) (x - y)`.
 
-    Raises `InputError` for another order, or a cut-off that is no positive number.
+    Raises:
+        InputError: another order, or a cut-off that is no positive number.
     """
 
     cutoff: float
@@ -48,9 +49,13 @@ class LowPass:
         return LAG[self.order] / (2.0 * pi * self.cutoff)
 
     def sections(self, rate: float) -> Array:
-        """Second-order sections (k, 6), b0 b1 b2 1 a1 a2 each, at `rate` Hz; the filter's gain at rest is 1.
+        """The filter at a `rate`, Hz; its gain at rest is 1.
 
-        Raises `InputError` where a Butterworth's cut-off is not below half the rate, and for one far below it.
+        Returns:
+            Second-order sections (k, 6), b0 b1 b2 1 a1 a2 each.
+
+        Raises:
+            InputError: a Butterworth's cut-off that is not below half the rate, or one far below it.
         """
         if self.cutoff < LEAST_SHARE_OF_RATE * rate:
             raise InputError(
@@ -70,7 +75,7 @@ class LowPass:
         return np.asarray(butter(self.order, self.cutoff, fs=rate, output="sos"))
 
     def noise_gain(self, rate: float) -> float:
-        """What is left of the variance of white noise."""
+        """What is left of the variance of white noise at a `rate`, Hz: 0 to 1."""
         from scipy.signal import sosfilt
 
         impulse = np.zeros(ceil(SETTLED * self.settles_in(rate)))
@@ -78,7 +83,7 @@ class LowPass:
         return float(np.sum(sosfilt(self.sections(rate), impulse) ** 2))
 
     def settles_in(self, rate: float) -> int:
-        """Samples, after which 1 % is left of how it was started: a period of the cut-off for each order."""
+        """Samples at a `rate`, Hz, after which 1 % is left of its start: a period of the cut-off for each order."""
         return 2 + ceil(max(self.order, 1) * rate / self.cutoff)
 
 
@@ -88,10 +93,18 @@ def least_rows(sections: Array) -> int:
 
 
 def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
-    """Signals (n, k) filtered forwards and backwards, so that nothing is delayed: for recordings, not for control.
+    """A recording filtered forwards and backwards, so that nothing is delayed: not for control.
 
-    The attenuation counts twice: 6 dB at the cut-off. Raises `InputError` where a row is not finite, and where the
-    recording is too short to start the filter on.
+    Args:
+        values: (n, k), of any unit, evenly spaced.
+        low_pass: whose attenuation counts twice: 6 dB at the cut-off.
+        rate: Hz.
+
+    Returns:
+        The filtered values (n, k).
+
+    Raises:
+        InputError: a row that is not finite, or a recording that is too short to start the filter on.
     """
     from scipy.signal import sosfiltfilt
 

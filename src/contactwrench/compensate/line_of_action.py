@@ -73,9 +73,19 @@ def line_of_action(wrench: ArrayLike, covariance: ArrayLike) -> LineOfAction:
 
 
 def point_on_plane(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, normal: ArrayLike) -> PointOfAction:
-    """Where the line meets the plane through `origin` (3,) m with `normal` (3,), sensor axes: a known surface.
+    """Where the line of a contact's force meets a plane: a known surface.
 
-    A line that all but lies in the plane gives a `reason`, as does a force no better than its noise.
+    Args:
+        wrench: (6,) N and N m, sensor axes.
+        covariance: (6, 6) of the wrench.
+        origin: (3,) m, a point of the plane, sensor axes.
+        normal: (3,) of the plane, sensor axes, of any length.
+
+    Returns:
+        The point; a line that all but lies in the plane gives a `reason`, as does a force no better than its noise.
+
+    Raises:
+        InputError: other shapes, or a normal without a direction.
     """
     w, C = _checked(wrench, covariance)
     n, q = unit_direction(normal, "normal"), numbers(origin, "origin")
@@ -93,10 +103,19 @@ def point_on_plane(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, 
 
 
 def point_on_axis(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, along: ArrayLike) -> PointOfAction:
-    """The point of the axis through `origin` (3,) m along `along` (3,), sensor axes, that the line passes most closely:
-    where a rod or a long tip was touched.
+    """The point of an axis that the line of a contact's force passes most closely: where a rod was touched.
 
-    A force all but along the axis gives a `reason`, as does one no better than its noise.
+    Args:
+        wrench: (6,) N and N m, sensor axes.
+        covariance: (6, 6) of the wrench.
+        origin: (3,) m, a point of the axis, sensor axes.
+        along: (3,) the axis' direction, sensor axes, of any length.
+
+    Returns:
+        The point; a force all but along the axis gives a `reason`, as does one no better than its noise.
+
+    Raises:
+        InputError: other shapes, or an axis without a direction.
     """
     w, C = _checked(wrench, covariance)
     a, q = unit_direction(along, "axis"), numbers(origin, "origin")

@@ -31,6 +31,7 @@ logarithms two noises are apart that may be one. More hides errors between poses
 """
 LEARN_SAMPLES = 50.0
 """Free ones, at the least, from which the noise is learned."""
+BLOCK_SECONDS = 0.1
 USUAL_RATE, FAR = 1000.0, 1e6
 """Hz, of samples, until their rate is known; samples, over which a noise counts as noise unless said."""
 
@@ -65,6 +66,13 @@ class SampleNoise:
     def over(self, seconds: float, rate: float | None) -> SampleNoise:
         """The same where what is slower than that is drift."""
         return replace(self, horizon=max(seconds * (rate or USUAL_RATE), 2.0))
+
+    def told_to(self, s: State, low_pass: LowPass | None, rate: float | None) -> None:
+        """Let a state have it, as it is behind a low-pass at a rate; None: not known, and nothing is filtered."""
+        s.noise_filtered[:] = self.behind(low_pass, rate or USUAL_RATE).tolist()
+        s.noise_variance[:], s.flicker[:] = self.of_sample.tolist(), self.flicker.tolist()
+        s.block_noise[:] = self.of_mean(1.0 if rate is None else max(BLOCK_SECONDS * rate, 1.0)).tolist()
+        s.stale = True
 
     @property
     def of_sample(self) -> Array:

@@ -36,8 +36,8 @@ ROWS_AT_ONCE = 128
 NOTHING_TOLD = np.full(3, nan)
 """Of a motion, with a reading alone."""
 TOLD = ("events", "fault", "detail", "channel", "contact")
-GIVEN = ("reading", "orientation", "time", "temperature", "told", "passed", "motion", "motion_variance")
-MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
+TAKEN_IN = ("reading", "orientation", "time", "temperature", "told", "passed", "motion", "motion_variance")
+MADE = tuple(name for name in SAMPLE.names or () if name not in TAKEN_IN)
 
 take = taking("")
 """In plain Python."""
@@ -73,7 +73,7 @@ def heat_told(temperature: ArrayLike | None) -> Array:
     return numbers(temperature, "temperature")
 
 
-def given(
+def samples_of(
     wrench: ArrayLike,
     orientation: OrientationLike,
     t: ArrayLike,
@@ -166,8 +166,8 @@ class Plain:
         """Take samples from `begin` on, to the first with an event or before; how many are taken."""
         rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], Sample()
         states, _, ring = self._given
-        for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
-            sample.reading, sample.orientation, sample.time, sample.temperature, *moved = given
+        for values in zip(*(samples[name][rows].tolist() for name in TAKEN_IN), strict=True):
+            sample.reading, sample.orientation, sample.time, sample.temperature, *moved = values
             sample.told, sample.passed, sample.motion, sample.motion_variance = moved
             take(states, [sample], ring, width, 0)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])

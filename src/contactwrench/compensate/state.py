@@ -188,7 +188,7 @@ class State:
     followed: float = 0.0
     since_turn: float = 0.0
     last_down: Row = numbers(3)
-    turning: Row = numbers(3)
+    down_rate: Row = numbers(3)
     turned_by: Row = numbers(TERMS)
     turn_memory: Matrix = numbers(2 * SECTIONS, TERMS)
     of_turn: Matrix = numbers(3, 3)

@@ -13,10 +13,10 @@ from .delay import as_the_wrench_is_stamped, explained_by_turn, follow_turn
 from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, SILENT, STUCK, standing_still, unreadable
 from .filters import low_pass
 from .inertia import exerted, follow_motion, take_pose, terms_then
+from .noise import BLOCK_SECONDS
 from .shaking import noise_of_motion, statistic_in_motion
 from .state import ANOTHER, MOST_INTERVALS, RATE_FOUND, TERMS, Matrix, Sample, State, kernel
 
-BLOCK_SECONDS = 0.1
 HOTTEST = 1e4
 """K or degrees C: a sensor that says more says nothing, and the last temperature counts."""
 RENEW_SECONDS = 5.0

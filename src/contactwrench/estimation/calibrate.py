@@ -118,14 +118,14 @@ def calibrate(
                 calibration = with_earlier_inertia(calibration, prior)
             return replace(calibration, findings=(*contradicted, *calibration.findings, *inherited(prior)))
         except (UnobservableError, AmbiguityError) as error:
-            if reason := samples.doubt or "".join(each.text.removeprefix("weak: ") for each in contradicted[:1]):
+            if reason := samples.doubt or "".join(each.said for each in contradicted[:1]):
                 raise type(error)(f"{re.split('[:;] ', str(error))[0]}; but {reason}") from None
             still = recorded.what_was_still if isinstance(error, UnobservableError) else ""
             raise type(error)(with_room_for(f"{samples.source}: {error}", still)) from None
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class FittedRecording:
     """A recording less its rows under load, its poses and their `readings`, the `estimate` from them, what was found
     on the way, the `g` (m/s^2) of the place, and how the poses were `found`.
     """
@@ -191,7 +191,7 @@ def _with_prior(question: Question, prior: Calibration, gravity: tuple[Any, Any]
     )
 
 
-def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
+def from_recording(samples: Samples, question: Question, g: float) -> FittedRecording:
     """Poses and the estimate from them, robust, not yet checked: visits where the bias moved. Raises `InputError`."""
     require_samples(samples)
     G.require(g, "g")
@@ -212,7 +212,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     if recorded.lag is not None:
         estimate = fitted(readings.with_lag(recorded.lag), question).with_noise_of(estimate)
     findings += (*of_recording(recorded, _first_time(free)), *rows_apart(recorded, free.wrench), *dead)
-    return Recorded(free, poses, readings, estimate, findings, g, recorded)
+    return FittedRecording(free, poses, readings, estimate, findings, g, recorded)
 
 
 def fitted(readings: PoseReadings, question: Question) -> Estimate:
@@ -226,7 +226,7 @@ def _first_time(samples: Samples) -> float:
     return 0.0 if samples.t is None else float(samples.t.min(initial=np.inf))
 
 
-def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str]) -> Calibration:
+def assembled(recorded: FittedRecording, question: Question, origin: Mapping[str, str]) -> Calibration:
     """The estimate as a Calibration; `origin` joins its provenance. Raises `UnobservableError`, `AmbiguityError`."""
     estimate, poses, kept = recorded.estimate, recorded.poses, recorded.readings.select(recorded.estimate.kept)
     samples, earlier = recorded.samples, question.earlier

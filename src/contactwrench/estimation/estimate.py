@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
-from ..model import RigidTool
+from ..model import RigidTool, weight_scale
 from .bias_drift import Drift
 
 
@@ -60,8 +60,8 @@ class Estimate:
 
     @property
     def weight_scale(self) -> float:
-        """The weight (N), of a model without one the mean singular value of its force matrix."""
-        return float(np.mean(np.linalg.svd(self.B[:3, :3], compute_uv=False)))
+        """As in the model, N."""
+        return weight_scale(self.B)
 
     @property
     def force_left(self) -> float:
@@ -107,7 +107,7 @@ class Rival:
 class Beliefs:
     """Probabilities once the readings are known: that each pose is `outlying` (n,); of each kind of the bias' motion,
     `moved`, of which `drift` is the likeliest, by `change` (n, 6) N and N m from the last bias; of each kind of
-    error that goes `with_orientation`, a bias in two `levels` (n, 6) among them, by which it is off their middle, and
+    error that goes `with_orientation`, a bias in two `backlash` (n, 6) among them, by which it is off their middle, and
     the robot's turns of about `turn` rad an axis; that
     mounting and base are exactly nominal, `mounting_exact` and `base_exact`, or point anywhere, `any_mounting` and
     `any_base`. By how many std the answer would be off, were the less likely of exactly nominal or not so,
@@ -120,7 +120,7 @@ class Beliefs:
     drift: Drift | None
     change: Array
     with_orientation: dict[Kind, float]
-    levels: Array
+    backlash: Array
     turn: float
     mounting_exact: float
     base_exact: float

@@ -218,12 +218,12 @@ def _with_orientation(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...
             how_far = [two_digits(float(np.rad2deg(beliefs.turn)))] if kind is Kind.ROBOT else []
             found.append(WARNING(kind, WITH_ORIENTATION[kind].format(*how_far, chance)))
         if probability > 0.5 and kind is Kind.TWO_LEVELS:
-            side = beliefs.levels @ beliefs.levels[0] > 0.0
+            side = beliefs.backlash @ beliefs.backlash[0] > 0.0
             few = side if 2 * side.sum() <= len(side) else ~side
             named = [name for name, on_it in zip(names, few, strict=True) if on_it]
             more = f" and {counted(len(named) - MOST_NAMED, 'more pose')}" if len(named) > MOST_NAMED else ""
             text = (
-                f"the bias comes back in two levels, {force_and_torque(2.0 * beliefs.levels[0])} apart, as backlash "
+                f"the bias comes back in two levels, {force_and_torque(2.0 * beliefs.backlash[0])} apart, as backlash "
                 f"makes them {COUNTED.format(chance)}; on the smaller side: {', '.join(named[:MOST_NAMED])}{more}"
             )
             (changes,) = np.nonzero(few[1:] != few[:-1])

@@ -57,7 +57,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     """
     for odd in calibration.findings:  # as torques in N mm make it, whose motion tells nothing
         if odd.kind is Kind.IMPLAUSIBLE_TOOL and odd.severity is Severity.WEAK:
-            raise InputError(f"{samples.source}: {odd.text.removeprefix('weak: ')}")
+            raise InputError(f"{samples.source}: {odd.said}")
     stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
     told = samples.position is not None or samples.accelerometer is not None
     if samples.t is not None and told and not is_stream(samples):
@@ -200,8 +200,15 @@ def with_earlier_inertia(calibration: Calibration, earlier: Calibration) -> Cali
 
 
 def as_stamped(samples: Samples, calibration: Calibration | None = None) -> Samples:
-    """The samples with the orientation that belongs to each reading, by their delay or a calibration's: where rows came
-    with one and are late; and where they were paired, by what the calibration's delay is beyond theirs.
+    """The samples with the orientation that belongs to each reading: where rows came with one and are late; and where
+    they were paired, by what the calibration's delay is beyond theirs.
+
+    Args:
+        samples: with times.
+        calibration: whose delay, s, is taken; None: that of the samples.
+
+    Returns:
+        The samples as stamped; the same where no delay is significant.
     """
     of = samples if calibration is None else calibration
     delay, std = of.delay, of.delay_std

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
-from ..geometry.rotations import rotations_about_z, spread_directions, spread_rotations
+from ..geometry.rotations import procrustes, rotations_about_z, spread_directions, spread_rotations
 from ..geometry.wrench import cross_matrix
 from ..model import FLIP, RigidTool, gravity_in_flange
 
@@ -123,11 +123,9 @@ class _Moments:
 
 def _any_mounting(force_moments: Array) -> Array:
     """Of each direction: the proper rotation with the largest `tr(R^T M)`, and rotations all over (k, m, 3, 3)."""
-    U, _, Vt = np.linalg.svd(force_moments)
-    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
     everywhere = spread_rotations(24, 12)
-    spread = np.broadcast_to(everywhere, (len(U), *everywhere.shape))
-    return np.concatenate([(U @ Vt)[:, None], spread], axis=1)
+    spread = np.broadcast_to(everywhere, (len(force_moments), *everywhere.shape))
+    return np.concatenate([procrustes(force_moments)[:, None], spread], axis=1)
 
 
 def _turned_mounting(force_moments: Array) -> Array:

@@ -68,10 +68,10 @@ def fit_paper(readings: PoseReadings, gravity_direction: Array) -> RigidEstimate
     n, names = len(readings), PARAMETERS["paper"]
     r = gravity_in_flange(readings.R_base_flange, gravity_direction)
     F, T = readings.wrench[:, :3], readings.wrench[:, 3:]
-    force, torque = _Regression(_force_regressor(r), F), _Regression(_torque_regressor(F), T)
+    force, torque = _Regression(_force_regressor(r), F), _Regression(torque_regressor(F), T)
     _require_separable(force.A, torque.A, readings.R_base_flange, gravity_direction)
     x = force.solution
-    tool = _tool(x, torque.solution, gravity_direction)
+    tool = tool_of_unknowns(x, torque.solution, gravity_direction)
     B, to_B = wrench_matrix(tool), matrix_jacobian(tool, names)
     variance = _variance(force, torque, tool)
     covariance = _covariance(force, torque, tool, variance)
@@ -107,7 +107,7 @@ def _force_regressor(r: Array) -> Array:
     return A
 
 
-def _torque_regressor(F: Array) -> Array:
+def torque_regressor(F: Array) -> Array:
     """Rows (n, 3, 6) of Eq. 5 for measured forces (n, 3): unknowns com, l."""
     A = np.empty((len(F), 3, 6))
     A[:, :, :3] = -cross_matrix(F)
@@ -129,7 +129,7 @@ def _require_separable(force: Array, torque: Array, R_base_flange: Array, gravit
     require_separable(scaled.reshape(3 * n, 6), TORQUE_NAMES, R_base_flange, gravity_direction)
 
 
-def _tool(x: Array, L: Array, gravity_direction: Array) -> RigidTool:
+def tool_of_unknowns(x: Array, L: Array, gravity_direction: Array) -> RigidTool:
     """The parameters of Eq. 16 and Eq. 17 from the unknowns of the two regressions."""
     theta = np.arctan2(x[1], x[0])
     com, F0 = L[:3], x[3:]
@@ -174,6 +174,6 @@ def _held_out(wrench: Array, r: Array, force: _Regression, torque: _Regression, 
     without_x, without_L = force.without_each(), torque.without_each()
     if without_x is None or without_L is None:
         return None
-    tools = [_tool(xi, Li, down) for xi, Li in zip(without_x, without_L, strict=True)]
+    tools = [tool_of_unknowns(xi, Li, down) for xi, Li in zip(without_x, without_L, strict=True)]
     predicted: Array = np.array([free_wrench(wrench_matrix(tool), ri) for tool, ri in zip(tools, r, strict=True)])
     return wrench - predicted

@@ -33,7 +33,7 @@ from ..model import (
 )
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, percent
-from .calibrate import Recorded, assembled, from_recording, question_asked
+from .calibrate import FittedRecording, assembled, from_recording, question_asked
 from .estimate import RigidEstimate
 from .initial_guess import linear_fit
 from .noise import NoiseLike, PoseReadings
@@ -89,7 +89,8 @@ def calibrate_shared(
         recordings: one of each tool.
         shared: `mount` (R_flange_sensor) and `gravity` (base axes): the same in all results, from all recordings.
         model: `auto`, `mount` or `mount+base`.
-        noise, gravity, g, mount_tilt_sd, base_tilt_sd: as of `calibrate`.
+        noise, gravity: as of `calibrate`: std (6,) of one pose's reading, N and N m; direction (3,), base axes.
+        g, mount_tilt_sd, base_tilt_sd: m/s^2; rad an axis, of the priors on mounting and base.
         known: may state `mount` and `gravity`.
 
     Returns:
@@ -182,7 +183,7 @@ class _Sharing:
         return tuple(pieces)
 
 
-def _messages(recorded: list[Recorded], sharing: _Sharing) -> tuple[list[Message], int]:
+def _messages(recorded: list[FittedRecording], sharing: _Sharing) -> tuple[list[Message], int]:
     """What each recording says, and which of them knows most."""
     alone = [recording.estimate for recording in recorded if isinstance(recording.estimate, RigidEstimate)]
     told = [recording.readings.with_lag(recording.found.lag) for recording in recorded]

@@ -186,7 +186,7 @@ def _contradiction(found: str, either: str, weight: float, left: float) -> Ambig
 
 
 def negated(direction: Array) -> str:
-    """The opposite direction as the flag --gravity takes it."""
+    """The opposite direction as the option --gravity takes it."""
     return ",".join(f"{-part + 0.0:g}" for part in direction)
 
 

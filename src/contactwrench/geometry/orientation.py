@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from .arrays import Array, numbers
 from .ranges import TURN
+from .rotations import procrustes
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -92,8 +93,7 @@ def nearest_rotations(matrices: Array) -> Array:
     Raises `InputError` naming the first matrix that is no rotation (a mirrored one included).
     """
     if require_rotations(matrices.reshape(-1, 9)) > 1e-12:
-        U, _, Vt = np.linalg.svd(matrices)
-        matrices = U @ Vt
+        return procrustes(matrices)
     return matrices
 
 
@@ -232,7 +232,7 @@ CONVENTIONS: dict[str, Convention] = {
 
 USUAL_NAMES = ("quat_xyzw", "matrix", "kuka_abc", "fanuc_wpr", "ur_rotvec")
 RECOGNISED_BY_NAME = (*USUAL_NAMES, "rpy", "franka_matrix")
-"""The conventions that a file's column names tell by themselves, without a flag; usual names first of all."""
+"""The conventions that a file's column names tell by themselves, without an option; usual names first of all."""
 
 
 def convention(text: str) -> Convention:

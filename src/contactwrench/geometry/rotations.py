@@ -44,6 +44,15 @@ def angles_between(R_a: Array, R_b: Array) -> Array:
     return np.asarray(2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0)))
 
 
+def procrustes(M: Array) -> Array:
+    """The proper rotations R (..., k, k) with the largest `tr(R^T M)`: nearest to matrices M, never a reflection
+    (orthogonal Procrustes, Kabsch 1976).
+    """
+    U, _, Vt = np.linalg.svd(M)
+    U[..., -1] *= np.sign(np.linalg.det(U @ Vt))[..., None]
+    return np.asarray(U @ Vt)
+
+
 @dataclass(frozen=True, eq=False)
 class Arcs:
     """The shortest turns from each of n rotations to the next: `angle` (n - 1,), rad, 0 to pi, and what makes the

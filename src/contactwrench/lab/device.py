@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import FileAccessError
 from ..geometry.arrays import Array
-from .signals import Signal
+from .truth import Truth
 
 LOCALHOST = "127.0.0.1"
 IDLE = 0.02
@@ -90,7 +90,7 @@ class Fake(ABC):
 
     def __init__(
         self,
-        signal: Signal,
+        truth: Truth,
         rate: float,
         *,
         port: int = 0,
@@ -99,7 +99,7 @@ class Fake(ABC):
         true_rate: float | None = None,
         host: str = LOCALHOST,
     ) -> None:
-        self.signal, self.host, self.port, self._true_rate = signal, host, port, true_rate
+        self.truth, self.host, self.port, self._true_rate = truth, host, port, true_rate
         self.rate = rate
         """What it was asked for, Hz."""
         self.counter = 0
@@ -243,7 +243,7 @@ class Fake(ABC):
     def _show(self, n: int) -> None:
         """Send the n rows that have become due; what has been lost counts too."""
         t0 = self.clock.time(self.clock.row - n)
-        rows = self.signal.wrench_rows(t0, n, self.clock.rate)
+        rows = self.truth.wrench_rows(t0, n, self.clock.rate)
         if not self._silent():
             self._send(t0, rows)
         self.counter += n

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ..geometry.arrays import Array
-from .signals import Signal
 from .sockets import Client, TcpFake
+from .truth import Truth
 
 HEADER = struct.Struct(">HHHBB")
 READ = (3, 4)
@@ -31,8 +31,8 @@ class Ft300(TcpFake):
 
     scheme = "ft300"
 
-    def __init__(self, signal: Signal, rate: float = 100.0, **more: Any) -> None:
-        super().__init__(signal, rate, **more)
+    def __init__(self, truth: Truth, rate: float = 100.0, **more: Any) -> None:
+        super().__init__(truth, rate, **more)
         self._registers = np.zeros(LAST + 1, dtype=">i2")
         self._registers[LAST] = YEAR
 

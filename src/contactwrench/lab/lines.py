@@ -13,8 +13,8 @@ import numpy as np
 
 from ..geometry.arrays import Array
 from .device import Fake, Packets
-from .signals import Signal
 from .sockets import Client, TcpFake, UdpFake
+from .truth import Truth
 
 Form: TypeAlias = Literal["json", "csv"]
 Shows: TypeAlias = Literal["wrench", "pose", "both"]
@@ -23,7 +23,7 @@ NAMES: dict[str, tuple[str, ...]] = {"wrench": WRENCH, "pose": POSE, "both": WRE
 
 
 def _line(device: Fake, names: tuple[str, ...], form: Form, at: float, row: Array) -> bytes:
-    pose, t = device.signal.pose_at(at) if POSE[0] in names else None, device.uptime(at)
+    pose, t = device.truth.pose_at(at) if POSE[0] in names else None, device.uptime(at)
     shown = [] if pose is None else [pose.quat_xyzw, pose.position]
     values = np.concatenate([row if WRENCH[0] in names else [], *shown]).tolist()
     if form == "json":
@@ -42,7 +42,7 @@ class UdpLines(UdpFake):
 
     def __init__(
         self,
-        signal: Signal,
+        truth: Truth,
         target: tuple[str, int],
         rate: float = 250.0,
         *,
@@ -50,7 +50,7 @@ class UdpLines(UdpFake):
         shows: Shows = "both",
         **more: Any,
     ) -> None:
-        super().__init__(signal, rate, **more)
+        super().__init__(truth, rate, **more)
         self.target, self._form, self._names = target, form, NAMES[shows]
 
     def _packets(self, t0: float, rows: Array) -> Packets:
@@ -69,9 +69,9 @@ class TcpLines(TcpFake):
     scheme = "tcp"
 
     def __init__(
-        self, signal: Signal, rate: float = 250.0, *, form: Form = "json", shows: Shows = "both", **more: Any
+        self, truth: Truth, rate: float = 250.0, *, form: Form = "json", shows: Shows = "both", **more: Any
     ) -> None:
-        super().__init__(signal, rate, **more)
+        super().__init__(truth, rate, **more)
         self._form, self._names = form, NAMES[shows]
 
     def _accepted(self, client: Client) -> None:

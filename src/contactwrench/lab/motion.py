@@ -22,7 +22,7 @@ TURNING_ROUND = 4.0 * SHORTEST
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Move:
     """`joints` (k, 7), `wrench` (k, 6) of the free tool on the sensor, quaternions `quat_xyzw` (k, 4) of
     `R_base_flange`, `position` (k, 3) at k moments, `KNOT` apart from `start` on until `end`; then the arm rests.
     `path` is the joints' polynomial.
@@ -50,7 +50,7 @@ class Course:
         return np.stack([self.path(since, derivative) for derivative in range(3)])
 
 
-def course(rig: Rig, state: Array, joints: Array, start: float, speed: float) -> Course:
+def move(rig: Rig, state: Array, joints: Array, start: float, speed: float) -> Move:
     """The motion of least jerk (Flash and Hogan 1985) from a state (3, 7), joints, velocity and acceleration, to rest
     at joints (7,), from `start` s on; `speed`: of the joint that has furthest to go, of its largest.
     """
@@ -64,4 +64,4 @@ def course(rig: Rig, state: Array, joints: Array, start: float, speed: float) ->
     quat_xyzw = to_quat_xyzw(physics.R_base_flange)
     turned = np.where((quat_xyzw[1:] * quat_xyzw[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     quat_xyzw[1:] *= np.cumprod(turned)[:, None]
-    return Course(start, start + duration, path, physics.joints, physics.wrench, quat_xyzw, physics.position)
+    return Move(start, start + duration, path, physics.joints, physics.wrench, quat_xyzw, physics.position)

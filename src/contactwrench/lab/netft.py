@@ -16,8 +16,8 @@ import numpy as np
 
 from ..geometry.arrays import Array
 from .device import Packets
-from .signals import Signal
 from .sockets import PATIENCE, RECEIVED, UdpFake
+from .truth import Truth
 
 REQUEST = struct.Struct(">HHI")
 STREAM, ZERO = 2, 0x42
@@ -35,7 +35,7 @@ class NetFt(UdpFake):
         rate: Hz.
         http_port: of the page; 0: any that is free, see `http_port`.
         counts: per unit of force, and of torque.
-        units: of force and of torque, as the page spells them; the signal is taken to be in them.
+        units: of force and of torque, as the page spells them; the truth is taken to be in them.
 
     Attributes:
         asked: every command that has come, to see that nobody zeroes the sensor.
@@ -45,7 +45,7 @@ class NetFt(UdpFake):
 
     def __init__(
         self,
-        signal: Signal,
+        truth: Truth,
         rate: float = 1000.0,
         *,
         http_port: int = 0,
@@ -53,7 +53,7 @@ class NetFt(UdpFake):
         units: tuple[str, str] = ("N", "Nm"),
         **more: Any,
     ) -> None:
-        super().__init__(signal, rate, **more)
+        super().__init__(truth, rate, **more)
         self.http_port, self._counts, self._units, self.asked = http_port, counts, units, list[int]()
         self._scale = np.repeat(counts, 3)
         self._count = 0

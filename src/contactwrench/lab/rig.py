@@ -28,7 +28,7 @@ from ..simulate.sensor import SensorStream
 from ..simulate.settings import Settings
 from ..simulate.trajectory import MOVE_SPEED, RISE, share_of_push
 from . import motion
-from .signals import FlangePose
+from .truth import FlangePose
 
 Axes: TypeAlias = Literal["sensor", "flange", "base"]
 Point: TypeAlias = Literal["hook", "axis"]
@@ -67,7 +67,7 @@ class _Push:
 
 
 class Sensor:
-    """The lab's signal as one device sees it: a sensor of its own, with its own noise, filter and bias in motion."""
+    """The lab's truth as one device sees it: a sensor of its own, with its own noise, filter and bias in motion."""
 
     def __init__(self, lab: Lab, seed: int) -> None:
         self._lab, self._rng = lab, np.random.default_rng(seed)
@@ -83,7 +83,7 @@ class Sensor:
 
 
 class Lab:
-    """The virtual lab; it begins at rest at `HOME`. It is a `Signal`; a second device takes `sensor()`.
+    """The virtual lab; it begins at rest at `HOME`. It is a `Truth`; a second device takes `sensor()`.
 
     Args:
         settings: of the rig.
@@ -100,8 +100,8 @@ class Lab:
         self.settings = Settings() if settings is None else settings
         self._rig, self._speed, self._orders = build(self.settings), speed, Lock()
         resting = np.stack([HOME, np.zeros(JOINTS), np.zeros(JOINTS)])
-        self._courses = [motion.course(self._rig, resting, HOME, monotonic() - REMEMBERED, speed)]
-        self._resting = (self._courses[0], _pose(self._courses[0], monotonic()))
+        self._moves = [motion.move(self._rig, resting, HOME, monotonic() - REMEMBERED, speed)]
+        self._resting = (self._moves[0], _pose(self._moves[0], monotonic()))
         self._pushes: list[_Push] = []
         self._R_flange_sensor = self.settings.R_flange_sensor
         self._hook = np.array(self.settings.tool.hook)
@@ -128,10 +128,10 @@ class Lab:
         """
         with self._orders:
             joints = self._joints(np.asarray(target, dtype=np.float64), position)
-            start = max(monotonic() + SOON, self._courses[-1].start)
-            ahead = motion.course(self._rig, self._course(start).state(start), joints, start, self._speed)
-            kept = max(bisect_right(self._courses, start - REMEMBERED, key=attrgetter("start")) - 1, 0)
-            self._courses = [*self._courses[kept:], ahead]
+            start = max(monotonic() + SOON, self._moves[-1].start)
+            ahead = motion.move(self._rig, self.move_at(start).state(start), joints, start, self._speed)
+            kept = max(bisect_right(self._moves, start - REMEMBERED, key=attrgetter("start")) - 1, 0)
+            self._moves = [*self._moves[kept:], ahead]
         return ahead.end - monotonic()
 
     def _joints(self, target: Array, position: Sequence[float] | None) -> Array:
@@ -145,7 +145,7 @@ class Lab:
     @property
     def moving(self) -> bool:
         """Whether the arm is on its way, from the moment it was told."""
-        return monotonic() < self._courses[-1].end
+        return monotonic() < self._moves[-1].end
 
     def joints_now(self) -> Array:
         """Joints (7,), rad."""
@@ -184,25 +184,26 @@ class Lab:
         for push in self._pushes:
             push.end = min(push.end, end)
 
-    def _course(self, t: float) -> motion.Course:
-        courses = self._courses
-        return courses[max(bisect_right(courses, t, key=attrgetter("start")) - 1, 0)]
+    def move_at(self, t: float) -> motion.Move:
+        """The move that the arm is in at a moment, or rests after."""
+        moves = self._moves
+        return moves[max(bisect_right(moves, t, key=attrgetter("start")) - 1, 0)]
 
     def pose_at(self, t: float) -> FlangePose:
         """Where the flange and the joints are, or were, at a moment."""
-        course = self._course(t)
-        if t < course.end:
-            return _pose(course, t)
-        if self._resting[0] is not course:
-            self._resting = (course, _pose(course, t))
+        move = self.move_at(t)
+        if t < move.end:
+            return _pose(move, t)
+        if self._resting[0] is not move:
+            self._resting = (move, _pose(move, t))
         return self._resting[1]
 
     def true_wrench(self, t: Array) -> Array:
         """What tool and environment exert on the sensor (n, 6), N and N m, sensor axes, at times (n,) that rise."""
-        course = self._course(t[0])
-        if course is not self._course(t[-1]):
+        move = self.move_at(t[0])
+        if move is not self.move_at(t[-1]):
             return np.concatenate([self.true_wrench(t[k : k + 1]) for k in range(len(t))])
-        return course.at(course.wrench, t) + self._contact(t)
+        return move.at(move.wrench, t) + self._contact(t)
 
     def true_contact(self, t: float) -> Array:
         """What the environment exerts on the sensor (6,), N and N m, sensor axes, at a moment."""
@@ -229,22 +230,22 @@ class Lab:
         return np.hstack([force, np.cross(self._hook, force)])
 
     def _flange(self, t: Array) -> tuple[Array, Array]:
-        """`R_base_flange` (n, 3, 3) and position (n, 3), all of one course."""
-        course = self._course(t[0])
-        if course.end <= t[0]:
+        """`R_base_flange` (n, 3, 3) and position (n, 3), all of one move."""
+        move = self.move_at(t[0])
+        if move.end <= t[0]:
             pose = self.pose_at(t[0])
             return np.broadcast_to(pose.R_base_flange, (len(t), 3, 3)), np.broadcast_to(pose.position, (len(t), 3))
-        return _matrices(course.at(course.quat_xyzw, t)), course.at(course.position, t)
+        return _matrices(move.at(move.quat_xyzw, t)), move.at(move.position, t)
 
 
-def _pose(course: motion.Course, t: float) -> FlangePose:
+def _pose(move: motion.Move, t: float) -> FlangePose:
     moment = np.array([t])
-    quat_xyzw = course.at(course.quat_xyzw, moment)
+    quat_xyzw = move.at(move.quat_xyzw, moment)
     return FlangePose(
         _matrices(quat_xyzw)[0],
         quat_xyzw[0],
-        course.at(course.position, moment)[0],
-        course.at(course.joints, moment)[0],
+        move.at(move.position, moment)[0],
+        move.at(move.joints, moment)[0],
     )
 
 

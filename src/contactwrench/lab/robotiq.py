@@ -8,8 +8,8 @@ from typing import Any
 
 from ..geometry.arrays import Array
 from .device import Packets
-from .signals import Signal
 from .sockets import Client, TcpFake
+from .truth import Truth
 
 
 class Robotiq(TcpFake):
@@ -17,8 +17,8 @@ class Robotiq(TcpFake):
 
     scheme = "robotiq"
 
-    def __init__(self, signal: Signal, rate: float = 100.0, *, end: str = "", **more: Any) -> None:
-        super().__init__(signal, rate, **more)
+    def __init__(self, truth: Truth, rate: float = 100.0, *, end: str = "", **more: Any) -> None:
+        super().__init__(truth, rate, **more)
         self._end = end
 
     def _accepted(self, client: Client) -> None:

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..geometry.arrays import Array
 from .device import Packets
-from .signals import Signal
 from .sockets import UdpFake
+from .truth import Truth
 
 IPOC = re.compile(rb"<IPOC>\s*(\d+)\s*</IPOC>")
 CORRECTION = re.compile(rb'<RKorr\s+X="([^"]+)"\s+Y="([^"]+)"\s+Z="([^"]+)"\s+A="([^"]+)"\s+B="([^"]+)"\s+C="([^"]+)"')
@@ -38,9 +38,9 @@ class Rsi(UdpFake):
     scheme = "rsi"
 
     def __init__(
-        self, signal: Signal, target: tuple[str, int], *, cycle: float = 0.004, most_late: int = 100, **more: Any
+        self, truth: Truth, target: tuple[str, int], *, cycle: float = 0.004, most_late: int = 100, **more: Any
     ) -> None:
-        super().__init__(signal, 1.0 / cycle, **more)
+        super().__init__(truth, 1.0 / cycle, **more)
         self.target, self._most_late = target, most_late
         self._milliseconds = round(1000.0 * cycle)
         self.delays, self.stopped, self.correction = 0, False, np.zeros(6)
@@ -53,15 +53,16 @@ class Rsi(UdpFake):
             self._unanswered, self.correction = b"", np.array(correction.groups(), dtype=np.float64)
 
     def _packets(self, t0: float, rows: Array) -> Packets:
-        return [self._cycle(t0 + k / self.clock.rate, self.counter + k) for k in range(len(rows))]
+        return [self.cycle_at(t0 + k / self.clock.rate, self.counter + k) for k in range(len(rows))]
 
-    def _cycle(self, t: float, number: int) -> bytes:
+    def cycle_at(self, t: float, number: int) -> bytes:
+        """The datagram of a cycle, whose answer is waited for from then on."""
         from scipy.spatial.transform import Rotation
 
         self.delays += bool(self._unanswered) and self._was_answered and not self.stopped
         if self.delays > self._most_late:
             self.stopped, self._listener = True, None
-        pose = self.signal.pose_at(t)
+        pose = self.truth.pose_at(t)
         abc = Rotation.from_quat(pose.quat_xyzw).as_euler("ZYX", degrees=True)
         at = [f'{name}="{value:.6f}"' for name, value in zip(POSE, [*(1000.0 * pose.position), *abc], strict=True)]
         joints = [f'A{k}="{value:.6f}"' for k, value in enumerate(np.rad2deg(pose.joints[:6]), 1)]

@@ -13,8 +13,8 @@ from typing import Any
 
 from ..geometry.arrays import Array
 from .device import Packets
-from .signals import Signal
 from .sockets import Client, TcpFake
+from .truth import Truth
 
 CHANNELS = "A01,A02,A03,A04,A05,A06"
 WRAPS = 1 << 16
@@ -37,8 +37,8 @@ class Sri(TcpFake):
 
     scheme = "sri"
 
-    def __init__(self, signal: Signal, rate: float = 1000.0, *, old: bool = False, **more: Any) -> None:
-        super().__init__(signal, rate, **more)
+    def __init__(self, truth: Truth, rate: float = 1000.0, *, old: bool = False, **more: Any) -> None:
+        super().__init__(truth, rate, **more)
         self.asked: list[str] = []
         self._ok, self._rate_name = ("", "SMPR") if old else ("$OK", "SMPF")
         self._values = {
@@ -68,7 +68,7 @@ class Sri(TcpFake):
             if value == "STOP":
                 self._answer(client, f"ACK+GSD=STOP{self._ok}\r\n".encode())
         elif name == "GOD":
-            row = self.signal.wrench_rows(monotonic(), 1, self.clock.rate)
+            row = self.truth.wrench_rows(monotonic(), 1, self.clock.rate)
             self._answer(client, self._packet(self.counter, row))
             self.counter += 1
         else:

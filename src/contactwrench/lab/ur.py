@@ -17,8 +17,8 @@ import numpy as np
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_exp, rotation_log
 from .device import Packets
-from .signals import NOTHING, FlangePose, Signal
 from .sockets import Client, TcpFake
+from .truth import NOTHING, FlangePose, Truth
 
 HEADER = struct.Struct(">HB")
 FORMS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
@@ -41,10 +41,8 @@ class Ur(TcpFake):
 
     scheme = "ur"
 
-    def __init__(
-        self, signal: Signal, *, cb3: bool = False, tcp_offset: Sequence[float] = NOTHING, **more: Any
-    ) -> None:
-        super().__init__(signal, CB3 if cb3 else E_SERIES, **more)
+    def __init__(self, truth: Truth, *, cb3: bool = False, tcp_offset: Sequence[float] = NOTHING, **more: Any) -> None:
+        super().__init__(truth, CB3 if cb3 else E_SERIES, **more)
         self.state = NORMAL
         self._version = (3, 15, 8, 0) if cb3 else (5, 15, 0, 0)
         self._offset = np.array(tcp_offset, dtype=np.float64)
@@ -74,7 +72,7 @@ class Ur(TcpFake):
 
     def _tcp_force(self, at: _Moment) -> Array:
         """What the robot makes of it: the contact wrench in base axes, the payload taken off."""
-        return (self.signal.true_contact(at.t).reshape(2, 3) @ at.pose.R_base_flange.T).reshape(6)
+        return (self.truth.true_contact(at.t).reshape(2, 3) @ at.pose.R_base_flange.T).reshape(6)
 
     def _received(self, client: Client) -> None:
         while len(client.inbox) >= HEADER.size:
@@ -124,7 +122,7 @@ class Ur(TcpFake):
         packets = []
         for k in range(-self.counter % every, len(rows), every):
             t = t0 + k / self.clock.rate
-            at = _Moment(t, rows[k], self.signal.pose_at(t))
+            at = _Moment(t, rows[k], self.truth.pose_at(t))
             values = [value for name in names for value in self._fields[name][1](at)]
             packets.append(_package("U", form.pack(1, *values)))
         return packets

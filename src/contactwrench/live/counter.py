@@ -18,11 +18,14 @@ LATEST = 10.0
 
 
 class Counter:
-    """Counts of `period` s, one a sample, `step` from one to the next (None: not known, so that no loss is seen); they
-    wrap at `modulus` (None: never).
+    """A device's counts, one a sample: how long it was since the last one tells a loss, also over wraps, from a device
+    that began anew.
 
-    How long it was since the last sample tells a loss, also over wraps, from a device that began anew. `learns`: that
-    the step may be longer than it says, as of time stamps where the device has a rate of its own.
+    Args:
+        period: s of a count.
+        modulus: at which they wrap; None: never.
+        step: from one sample to the next; None: not known, so that no loss is seen.
+        learns: that the step may be longer than it says, as of time stamps where the device has a rate of its own.
     """
 
     def __init__(self, period: float, modulus: int | None = None, step: int | None = 1, learns: bool = False) -> None:

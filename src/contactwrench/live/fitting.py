@@ -142,7 +142,7 @@ def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibrati
         return _without_inertia(calibration, str(error).removeprefix(f"{readings.source}: "))
     new = moved.findings[len(calibration.findings) :]
     doubt = next((finding for finding in new if finding.severity is not Severity.NOTE), None)
-    return moved if doubt is None else _without_inertia(calibration, doubt.text.removeprefix(f"{doubt.severity}: "))
+    return moved if doubt is None else _without_inertia(calibration, doubt.said)
 
 
 def _without_inertia(calibration: Calibration, why: str) -> Calibration:

@@ -19,7 +19,7 @@ from ..samples.samples import Samples
 from ..statistics import two_digits
 from .history import History
 from .source import Four
-from .standing import Stand
+from .stillness import Stand
 
 SETTLED, HOLD = 0.3, 1.0
 """s that everything stands before readings count, and s of readings in a pose."""

@@ -45,7 +45,7 @@ News: TypeAlias = Batch | About | str
 
 
 @dataclass(frozen=True)
-class Ways:
+class Ports:
     """Where what the worker makes goes: snapshots as JSON to `publish`, events to `say`, turns to `outlets`, and while
     the session records to `recorder` too; commands come from `asked`.
     """
@@ -79,8 +79,8 @@ class Reader:
         """Gets something whenever something came."""
         self._given = self._taken = self._full = 0
         self._ended = False
-        self._put(about)
-        self._put(early)
+        self.put(about)
+        self.put(early)
         self._thread = Thread(target=self._run, name=f"reads {source.uri}", daemon=True)
         self._thread.start()
 
@@ -128,17 +128,17 @@ class Reader:
                 if about is None:
                     about = self._source.open()
                     require_same(self._source.uri, self.about, about)
-                    self._put(about)
+                    self.put(about)
                 self._read(about)
             except EndOfStreamError as error:
-                self._put(str(error))
+                self.put(str(error))
                 self._ended = True
                 return
             except ContactWrenchError as error:
-                self._put(str(error))
+                self.put(str(error))
             except Exception as error:  # a source may be anybody's
                 said = " ".join(str(error).split())
-                self._put(f"{self._source.uri}: the source failed ({type(error).__name__}: {said})")
+                self.put(f"{self._source.uri}: the source failed ({type(error).__name__}: {said})")
             finally:
                 about = None
                 self._source.close()
@@ -150,13 +150,14 @@ class Reader:
             batch = self._source.read(READ)
             if batch.samples or batch.notes:
                 last = now()
-                self._put(batch)
+                self.put(batch)
                 while replay and len(self._news) > AHEAD and not self._stop.is_set():
                     self._stop.wait(0.001)
             elif now() - last > HALF_OPEN and not replay and not about.listens:
                 raise DeviceError(f"{self._source.uri}: nothing for {HALF_OPEN:g} s, connecting again")
 
-    def _put(self, news: News) -> None:
+    def put(self, news: News) -> None:
+        """Keep what came until it is taken; of samples no more than can wait."""
         if isinstance(news, Batch):
             if self._given - self._taken >= WAITING or len(self._news) >= WAITING:
                 self._full += len(news.samples)
@@ -173,11 +174,11 @@ class Pump:
     Args:
         session: what is fed.
         readers: by role, `sensor` and, where that is another device, `robot`.
-        ways: where all that is made goes, and commands come from.
+        ports: where all that is made goes, and commands come from.
     """
 
-    def __init__(self, session: Session, readers: Mapping[str, Reader], ways: Ways) -> None:
-        self.session, self._readers, self._ways = session, dict(readers), ways
+    def __init__(self, session: Session, readers: Mapping[str, Reader], ports: Ports) -> None:
+        self.session, self._readers, self._ports = session, dict(readers), ports
         self._ended = set[str]()
         self._wake = self._readers["sensor"].wake
         self._stop = Event()
@@ -204,7 +205,7 @@ class Pump:
         self._wake.put(None)
         if self._worker.ident is not None:
             self._worker.join(ENDS_IN)
-        for sink in self._ways.sinks:
+        for sink in self._ports.sinks:
             sink.close()
 
     def _run(self) -> None:
@@ -234,20 +235,20 @@ class Pump:
             t = self._recorded = max([self._recorded, *stamps]) or t
         turn = self.session.feed(batches.get("sensor"), batches.get("robot"), t=t)
         if turn.rows:
-            for sink in self._ways.sinks if self.session.recording else self._ways.outlets:
+            for sink in self._ports.sinks if self.session.recording else self._ports.outlets:
                 sink.write(turn)
         self._say_of_sinks(t)
         self._obey(t)
         for said in self.session.events():
-            if self._ways.say is not None:
-                self._ways.say(said)
-        if self._ways.publish is not None and t - self._shown >= SNAPSHOTS:
+            if self._ports.say is not None:
+                self._ports.say(said)
+        if self._ports.publish is not None and t - self._shown >= SNAPSHOTS:
             self._shown = t
-            self._ways.publish(self.encoded_snapshot(t))
+            self._ports.publish(self.encoded_snapshot(t))
 
     def _say_of_sinks(self, t: float) -> None:
         """Of each sink that has ended, once."""
-        for sink in self._ways.sinks:
+        for sink in self._ports.sinks:
             if sink.error and sink.uri not in self._ended:
                 self._ended.add(sink.uri)
                 self.session.outlet_ended(sink.error, t)
@@ -268,12 +269,12 @@ class Pump:
         return whole
 
     def _obey(self, t: float) -> None:
-        while self._ways.asked is not None and not self._ways.asked.empty():
-            ask = self._ways.asked.get()
+        while self._ports.asked is not None and not self._ports.asked.empty():
+            ask = self._ports.asked.get()
             self.session.do(ask.do, t, None if ask.pose is None else ask.pose + 1)
 
     def encoded_snapshot(self, t: float) -> bytes:
         """What a person sees at `t` s, as JSON; for the worker alone."""
-        outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._ways.outlets)
-        recording = "" if self._ways.recorder is None else self._ways.recorder.uri
+        outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._ports.outlets)
+        recording = "" if self._ports.recorder is None else self._ports.recorder.uri
         return msgspec.json.encode(self.session.snapshot(t, outlets, recording))

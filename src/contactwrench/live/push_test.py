@@ -19,7 +19,7 @@ from ..geometry.orientation import rotation_matrices
 from ..model import gravity_in_flange
 from .history import History
 from .snapshot import PushStep
-from .standing import EVERY, Stand
+from .stillness import EVERY, Stand
 
 NEEDED = 5.0
 """N: far above noise and creep, and light for a hand."""

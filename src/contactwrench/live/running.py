@@ -21,9 +21,10 @@ from ..geometry.orientation import from_quat_xyzw
 from ..samples.samples import Samples
 from ..statistics import force_and_torque
 from .history import History
+from .intake import STREAMING, Intake
 from .pose_feed import NEEDED, PoseFeed
 from .pose_track import UNKNOWN
-from .sink import Reading
+from .sink import Reading, Turn
 from .snapshot import Contact, Running
 from .source import About, Four, Sample, Six
 
@@ -106,7 +107,7 @@ class Runner:
         wrench = np.full(6, nan) if reading.flaw else self.sign * np.array(reading.wrench)
         made = self._compensator(wrench, np.array(orientation), reading.t)
         if why:
-            made = replace(made, valid=False, reason=Reason(why, why.partition(":")[0]))
+            made = replace(made, valid=False, reason=Reason(why))
         if not made.valid:
             self._invalid += 1
             self._fault(made)
@@ -162,8 +163,20 @@ class Runner:
         return Running(tuple(self._contacts), drift, self._invalid, source, None if lacks is None else not lacks)
 
 
-def shown_contact_wrench(made: ContactWrench) -> Contact:
-    """For a person: what is no number is None."""
+def traced(reading: Reading, made: ContactWrench | None) -> tuple[float | None, ...]:
+    """A row of the trace: `t`, the contact wrench, or without one the reading, `valid`, and `contact`, -1 not known."""
+    wrench, valid = (reading.wrench, not reading.flaw) if made is None else (made.wrench.tolist(), made.valid)
+    touching = -1.0 if made is None or made.contact is None else float(made.contact)
+    return (reading.t, *(value if isfinite(value) else None for value in wrench), float(valid), touching)
+
+
+def shown_contact_wrench(turn: Turn, sensor: Intake) -> Contact | None:
+    """The last contact wrench, for a person: what is no number is None; none is valid while the sensor says nothing."""
+    if not turn.judged:
+        return None
+    if sensor.state != STREAMING:
+        return Contact((None,) * 6, (None,) * 6, valid=False, contact=None, reason=f"{sensor.state}: {sensor.text}")
+    made = turn.judged[-1]
     wrench, std = (
         tuple(value if isfinite(value) else None for value in each.tolist()) for each in (made.wrench, made.std)
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from math import inf, isfinite, nan
+from math import inf, nan
 from typing import Any
 
 from msgspec.structs import replace
@@ -21,17 +21,16 @@ from ..geometry.arrays import number
 from ..samples.samples import Streams
 from .fitting import SIGNS, shown
 from .history import History, Motion
-from .intake import STREAMING, Intake
+from .intake import Intake
 from .pose_track import NO_PLACE, PoseTrack
-from .running import OF_ROBOT, OF_SENSOR, Options, Runner, shown_contact_wrench
+from .running import OF_ROBOT, OF_SENSOR, Options, Runner, shown_contact_wrench, traced
 from .sink import Pose, Reading, Turn
-from .snapshot import Command, Contact, Event, Output, Phase, Snapshot
+from .snapshot import Command, Event, Output, Phase, Snapshot
 from .source import About, Batch, Four, Sample, Six
-from .standing import Standing
+from .stillness import Stillness
 from .wizard import Wish, Wizard
 
-EVENTS_KEPT, NEW_EVENTS_KEPT = 50, 1_000
-TRACE_EVERY, TRACE_KEPT = 1.0 / 125.0, 250
+EVENTS_KEPT, NEW_EVENTS_KEPT, TRACE_EVERY, TRACE_KEPT = 50, 1_000, 1.0 / 125.0, 250
 NO_READING: Six = (nan,) * 6
 NOT_TURNED: Four = (0.0, 0.0, 0.0, 1.0)
 WARNINGS = dict.fromkeys(("refusal", "pose_refused", "finding", *OF_SENSOR, *OF_ROBOT), "warning")
@@ -66,7 +65,7 @@ class Session:
     ) -> None:
         self._sensor = Intake(sensor, "sensor" if robot is not None else "sensor and robot")
         self._robot = self._sensor if robot is None else Intake(robot, "robot")
-        self._track, self._history, self._standing = PoseTrack(), History(), Standing()
+        self._track, self._history, self._stillness = PoseTrack(), History(), Stillness()
         self._options, self._save, self._save_accepted = options or Options(), save, save_accepted
         self._saved: tuple[Calibration, str] | None = None
         self._motion, self._traced = Motion(), -inf
@@ -102,14 +101,23 @@ class Session:
         return self._motion.streams(self._wizard.sign)
 
     def opened(self, role: str, about: About, t: float) -> None:
-        """The `sensor`, or the `robot`, is there. Raises `InputError` for another role."""
+        """A device is there, or there again.
+
+        Args:
+            role: `sensor` or `robot`.
+            about: what it says of itself.
+            t: s since 1970.
+
+        Raises:
+            InputError: another role.
+        """
         unknown = self._sensor.about is None
         self._say(self._intake(role).opened(about, t))
         if unknown and self._sensor.about is not None and self._runner is not None:  # now its rate and ranges are known
             self._run(self._runner.calibration, self._runner.sign)
 
     def down(self, role: str, text: str, t: float) -> None:
-        """The `sensor`, or the `robot`, cannot be reached, or went away."""
+        """A device cannot be reached, or went away: `role` and `t` as of `opened`, `text` says why."""
         if event := self._intake(role).down(text, t):
             self._say(event)
 
@@ -152,8 +160,8 @@ class Session:
         for intake in dict.fromkeys((self._sensor, self._robot)):
             for event in intake.look(t):
                 self._say(event)
-        if self._standing.look(self._history, t) and self.phase is not Phase.RUN:
-            self._happened(said := self._wizard.look(self._history, self._standing, t), t)
+        if self._stillness.look(self._history, t) and self.phase is not Phase.RUN:
+            self._happened(said := self._wizard.look(self._history, self._stillness, t), t)
             if any(kind == "verified" for kind, _ in said):
                 self._keep(t)
         return turn
@@ -181,7 +189,13 @@ class Session:
         return Turn(readings, came, judged, ended)
 
     def do(self, command: Command, t: float, number: int | None = None) -> None:
-        """Do what a person asks for at `t` s; what cannot be done now is an event. `number`: of a pose, from 1."""
+        """Do what a person asks for; what cannot be done now is an event.
+
+        Args:
+            command: one of `commands()`.
+            t: s since 1970.
+            number: of a pose, from 1.
+        """
         try:
             if command not in self.commands():
                 raise ContactWrenchError(f"{command.value} is not possible now")
@@ -205,7 +219,7 @@ class Session:
         done = self.phase in (Phase.FIT, Phase.VERIFY, Phase.RUN) and self.calibration is not None
         save = (Command.SAVE,) if self._save is not None and done and not self.saved else ()
         record = () if self.recording is None else (Command.RECORD,)
-        return (*self._wizard.commands(self._standing), *running, *save, *record)
+        return (*self._wizard.commands(self._stillness), *running, *save, *record)
 
     def _run_or_stop(self) -> None:
         """Begin to run where the wizard has come to that, and end it where a person went back."""
@@ -233,12 +247,7 @@ class Session:
         for k, reading in enumerate(turn.readings):
             if reading.t - self._traced >= TRACE_EVERY:
                 self._traced = reading.t
-                made = turn.judged[k] if turn.judged else None
-                wrench = reading.wrench if made is None else made.wrench.tolist()
-                valid = not reading.flaw if made is None else made.valid
-                touching = -1.0 if made is None or made.contact is None else float(made.contact)
-                plain = (value if isfinite(value) else None for value in wrench)
-                self._trace.append((reading.t, *plain, float(valid), touching))
+                self._trace.append(traced(reading, turn.judged[k] if turn.judged else None))
 
     def _happened(self, what: list[tuple[str, str]], t: float) -> None:
         for kind, text in what:
@@ -256,18 +265,9 @@ class Session:
         new, self._new = list(self._new), deque(maxlen=NEW_EVENTS_KEPT)
         return new
 
-    def _contact(self) -> Contact | None:
-        """The last contact wrench; none that is valid while the sensor says nothing."""
-        if self._last is None or not self._last.judged:
-            return None
-        newest, sensor = shown_contact_wrench(self._last.judged[-1]), self._sensor
-        if sensor.state == STREAMING:
-            return newest
-        return Contact((None,) * 6, (None,) * 6, valid=False, contact=None, reason=f"{sensor.state}: {sensor.text}")
-
     def snapshot(self, t: float, outputs: tuple[Output, ...] = (), recording: str = "") -> Snapshot:
-        """What a person sees at `t` s; the trace begins anew."""
-        last, wizard, stand = self._last, self._wizard, self._standing
+        """What a person sees at `t` s since 1970; the trace begins anew. `outputs` and `recording`: of the sinks."""
+        last, wizard, stand = self._last, self._wizard, self._stillness
         newest = self._track.newest
         here: Four | None = None if newest is None else newest[1]
         place: Any = None if newest is None or newest[2][0] != newest[2][0] else newest[2]
@@ -287,7 +287,7 @@ class Session:
             trace=trace,
             commands=self.commands(),
             events=tuple(self._events),
-            contact=self._contact(),
+            contact=None if last is None else shown_contact_wrench(last, self._sensor),
             push=wizard.push.steps() if self.phase is Phase.PUSH else (),
             poses=wizard.shown(here),
             fit=None if wizard.fit is None or self.phase not in (Phase.FIT, Phase.VERIFY) else shown(wizard.fit),

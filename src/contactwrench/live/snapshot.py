@@ -91,7 +91,7 @@ class PushStep(msgspec.Struct, frozen=True):
     toward: str = ""
 
 
-class Pose(msgspec.Struct, frozen=True):
+class TakenPose(msgspec.Struct, frozen=True):
     """A pose that was taken: its orientation of the flange in base axes; `doubt`: why it may not stand, or empty."""
 
     orientation: Four
@@ -105,7 +105,7 @@ class Poses(msgspec.Struct, frozen=True):
     `history`: `std_force` after the first pose, the second, ... as they were taken; `fewest` that are needed.
     """
 
-    taken: tuple[Pose, ...]
+    taken: tuple[TakenPose, ...]
     targets: tuple[Four, ...]
     turn: float | None
     progress: float
@@ -173,10 +173,32 @@ class Output(msgspec.Struct, frozen=True):
 
 
 class Snapshot(msgspec.Struct, frozen=True):
-    """A session at one moment; `t` s since 1970. `reading` (6,) N and N m as it comes, `noise` (6,) its std over the
-    last second; `still`: whether arm and reading stand, `moving` says what does not. `trace`: rows `t, fx..tz, valid,
-    contact` since the snapshot before, thinned: contact wrenches while it runs, before that readings. `commands`: what
-    can be asked for now. `events`: the last 50.
+    """A session at one moment.
+
+    Attributes:
+        t: s since 1970.
+        phase: the wizard's step, or that it runs.
+        devices: the sensor and the robot, or the one device that is both.
+        reading: (6,) N and N m, sensor axes, as it comes; None: none has come, or the last is flawed.
+        noise: (6,) N and N m, the reading's std over the last second; None: not known.
+        orientation: of the flange in base axes, quaternion x, y, z, w.
+        position: of the flange in base axes, m.
+        still: whether arm and reading stand.
+        moving: in words what does not stand.
+        trace: rows `t, fx..tz, valid, contact` since the snapshot before, thinned: contact wrenches while it runs,
+            before that readings.
+        commands: what can be asked for now.
+        events: the last 50.
+        contact: the last contact wrench; None before it runs.
+        push: the pushes that are asked for, while they are.
+        poses: those taken and to come; None before.
+        fit: the calibration that is to be judged; None before and after.
+        checks: the poses of the verification.
+        verified: what the verification says, in words.
+        saved: where the calibration was written; empty: it is not.
+        running: contacts and drift while it runs; None before.
+        outputs: the sinks.
+        recording: what is recorded to; empty: nothing is.
     """
 
     t: float

@@ -135,7 +135,14 @@ def _known(scheme: str, load: Callable[[], Any]) -> Known:
 
 
 def source_of(text: str) -> Source:
-    """The source of a URI, not yet open. Raises `InputError`, also for a scheme that nobody knows."""
+    """The source of a URI, not yet open.
+
+    Args:
+        text: the URI, as `ur://192.168.0.2?rate=500`.
+
+    Raises:
+        InputError: a scheme that nobody knows, or an option that it does not take.
+    """
     source: Source = _made(text, SOURCES, SOURCE_GROUP)
     return source
 

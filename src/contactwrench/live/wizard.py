@@ -22,9 +22,9 @@ from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std,
 from .history import History
 from .pose_taking import PoseTaking, samples_of
 from .push_test import PushTest
-from .snapshot import Check, Command, Phase, Pose, Poses
+from .snapshot import Check, Command, Phase, Poses, TakenPose
 from .source import Four
-from .standing import Standing
+from .stillness import Stillness
 
 CHECKS = 2
 FEWEST_TO_PREDICT = 5
@@ -80,12 +80,12 @@ class Wizard:
         """By which readings are multiplied, as far as is known."""
         return 1.0 if self.fit is None else self.fit.sign
 
-    def commands(self, standing: Standing) -> tuple[Command, ...]:
+    def commands(self, stillness: Stillness) -> tuple[Command, ...]:
         """What can be asked for now."""
         done = Command.NEXT
         match self.phase:
             case Phase.CONNECT:
-                return (done,) if standing.noise is not None and standing.orientation is not None else ()
+                return (done,) if stillness.noise is not None and stillness.orientation is not None else ()
             case Phase.PUSH:
                 return (*((done,) if self.push.done else ()), Command.SKIP, Command.RETAKE, Command.BACK)
             case Phase.POSES:
@@ -112,16 +112,16 @@ class Wizard:
         taking = self.poses if self.phase is Phase.POSES else self._verifying
         return self._taken(*taking.take_anyway(history))
 
-    def look(self, history: History, standing: Standing, t: float) -> list[Happened]:
+    def look(self, history: History, stillness: Stillness, t: float) -> list[Happened]:
         """Look at the newest readings at `t` s: what happened."""
         if self.phase is Phase.PUSH:
-            said = self.push.look(history, standing.now, t)
+            said = self.push.look(history, stillness.now, t)
             return [("push", said)] if said else []
         if self.phase is Phase.POSES:
             known = self.calibration if len(self.poses.taken) >= FEWEST_TO_PREDICT else None
-            return self._taken(*self.poses.look(history, standing.now, standing.quiet, known, self.sign, t))
+            return self._taken(*self.poses.look(history, stillness.now, stillness.quiet, known, self.sign, t))
         if self.phase is Phase.VERIFY and not self.verified:
-            return self._taken(*self._verifying.look(history, standing.now, standing.quiet, None, self.sign, t))
+            return self._taken(*self._verifying.look(history, stillness.now, stillness.quiet, None, self.sign, t))
         return []
 
     def _next(self, *, skip: bool) -> list[Happened]:
@@ -226,7 +226,7 @@ class Wizard:
         (force, torque), wanted, number = force_std(self.calibration), self._wish.wanted, len(self.poses.taken)
         turn = angle_between(here, self._targets[0]) if here is not None and self._targets else None
         return Poses(
-            tuple(Pose(pose.turn, pose.doubt) for pose in taking.taken),
+            tuple(TakenPose(pose.turn, pose.doubt) for pose in taking.taken),
             *(self._targets, turn, taking.progress, taking.waiting, force, torque, wanted),
             enough=force is not None and force <= wanted and number >= FEWEST_POSES,
             history=tuple(self._std_forces.get(n) for n in range(1, number + 1)),

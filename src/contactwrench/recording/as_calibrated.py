@@ -103,22 +103,22 @@ def as_calibrated(
         if was_bag != is_bag or GOES_WITH[name] in changed:
             found = "other columns" if was_bag == is_bag else "a bag" if is_bag else "a table"
             raise InputError(
-                f"{name_of(path)}: found {found}, and a calibration read with {_flags({name: value})}, expected to be "
-                f"told whether that holds here: repeat it, or say {OTHERWISE[name]}"
+                f"{name_of(path)}: found {found}, and a calibration read with {_options({name: value})}, expected to "
+                f"be told whether that holds here: repeat it, or say {OTHERWISE[name]}"
             )
     read = replace(read, **meant)
     if not (is_bag or was_bag):
         _require_units(path, read, calibration.provenance)
     taken_on = {name: value for name, value in taken.values.items() if name not in taken.anyhow} | meant
-    notes = [f"read as the calibration was: {_flags(taken_on)}"] if taken_on else []
+    notes = [f"read as the calibration was: {_options(taken_on)}"] if taken_on else []
     notes += _differences(options, stated, known, {name: fitting[name] for name in others if name in fitting})
     if not gravity_stated:
         frame = None if read.inverse_orientation else taken.base_frame  # which names the flange then
         calibration, of_base = in_base_of_recording(calibration, options.base_frame or frame, str(path))
         notes += [of_base] if of_base is not None else []
-    doubts = [finding.text.split(": ") for finding in calibration.findings if finding.severity == calibration.verdict]
-    in_short = [f"the calibration is {': '.join(parts[:2])}" for parts in doubts[:1]]  # `show` has it whole
-    return AsCalibrated(read, calibration, (*notes, *in_short))
+    doubts = [finding.brief for finding in calibration.findings if finding.severity == calibration.verdict]
+    notes += [f"the calibration is {calibration.verdict}: {doubt}" for doubt in doubts[:1]]  # `show` has it whole
+    return AsCalibrated(read, calibration, tuple(notes))
 
 
 def _differences(
@@ -128,11 +128,11 @@ def _differences(
     auto = left_out.get("orientation") in RECOGNISED_BY_NAME  # and so is the recording's own
     lacking = {name: value for name, value in left_out.items() if not (auto and name == "orientation")}
     if lacking:
-        yield f"not read as the calibration was, no columns for {_flags(lacking)}"
+        yield f"not read as the calibration was, no columns for {_options(lacking)}"
     for name, before in known.items():
         now = getattr(options, name)
         if name in stated and now != before:
-            yield f"{_flag(name)} was {_value(before)} for the calibration and is {_value(now)} for this recording"
+            yield f"{_option(name)} was {_value(before)} for the calibration and is {_value(now)} for this recording"
 
 
 def _of_table(path: Path, options: Options, known: Mapping[str, Any], numbered: str) -> _Taken:
@@ -211,7 +211,7 @@ def _of_bag(path: Path, options: Options, stated: Collection[str], known: Mappin
         except ContactWrenchError as error:
             if not values:
                 raise
-            raise type(error)(f"{error} (as the calibration was read: {_flags(values)})") from None
+            raise type(error)(f"{error} (as the calibration was read: {_options(values)})") from None
         anyhow = frozenset(_topics_anyhow(bag, values, wrench, pose[0]))
         return _Taken(values, anyhow, base_frame(bag, pose, read.frames, arm))
 
@@ -226,13 +226,13 @@ def _topics_anyhow(bag: Bag, values: Mapping[str, Any], wrench: Topic, pose: Top
             yield "pose_topic"
 
 
-def _flags(values: Mapping[str, Any]) -> str:
+def _options(values: Mapping[str, Any]) -> str:
     """Options as on a command line."""
-    words = ([_flag(name)] if value is True else [_flag(name), _value(value)] for name, value in values.items())
+    words = ([_option(name)] if value is True else [_option(name), _value(value)] for name, value in values.items())
     return join(chain.from_iterable(words))
 
 
-def _flag(name: str) -> str:
+def _option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 

@@ -35,7 +35,7 @@ from .contacts_in_doubt import InDoubt, OffThroughout
 from .in_order import NOTHING, InOrder, without_wrench
 from .options import Options
 from .read import Block, are_pairs, as_streams, batches, blocks, read_as_bag, samples_of
-from .standing import Standing
+from .stuck_readings import StuckReadings
 from .tables.columns import ROWS, Advance, Tell, unheard
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.table import Table, without_reading
@@ -209,7 +209,7 @@ def _paired(
     listened = order.listening(_telling(recording, path, options, note))
     parts = synchronized(listened, delay, at_their_pace=calibration.dynamics is not None)
     begun = list(islice(parts, 2))
-    compensator, standing, off = None, Standing(), OffThroughout(calibration)
+    compensator, stuck, off = None, StuckReadings(), OffThroughout(calibration)
     in_doubt = InDoubt(calibration.with_gravity(treatment.gravity))
     if treatment.judged:
         if treatment.noise is None and calibration.still_noise is None:
@@ -226,7 +226,7 @@ def _paired(
         )
     for part in chain(begun, parts):
         samples = with_accelerations(part.samples, imu)
-        wrenches = standing.marked(_of_samples(calibration, compensator, samples, treatment), samples)
+        wrenches = stuck.marked(_of_samples(calibration, compensator, samples, treatment), samples)
         if compensator is None:
             off.add(wrenches)
         elif samples.t is not None and len(samples):
@@ -234,7 +234,7 @@ def _paired(
         yield order.whole(wrenches, part)
         for sentence in part.notes:
             note(sentence)
-    for doubt in filter(None, (str(standing), str(in_doubt), str(off))):
+    for doubt in filter(None, (str(stuck), str(in_doubt), str(off))):
         note(doubt)
     if compensator is not None and (last := compensator.last_contact) is not None and last.release is None:
         yield replace(NOTHING, contacts=(last,))

@@ -15,6 +15,7 @@ from ..errors import InputError
 from ..estimation.noise import variance_of_means
 from ..estimation.priors import tool_of
 from ..geometry.arrays import Array
+from ..model import weight_scale
 from ..samples.flange_motion import flange_motion
 from ..samples.samples import Samples
 from ..statistics import two_digits
@@ -118,7 +119,7 @@ class OffThroughout:
 
     def __init__(self, calibration: Calibration) -> None:
         of_row = variance_of_means(calibration.noise, calibration.fitted_poses, np.ones(1))[0, :3]
-        self.weight = float(np.mean(np.linalg.svd(calibration.B[:3, :3], compute_uv=False)))
+        self.weight = weight_scale(calibration.B)
         self.variance, self.least, self.rows, self.off = float(np.sum(of_row)), 0.0, 0, 0
 
     def add(self, batch: ContactWrenches) -> None:

@@ -45,7 +45,7 @@ class Rhythm:
 
 @dataclass(frozen=True)
 class TopicContent:
-    """A topic: its name and type, what it `gives` (wrench, pose, and with which flag; nothing), and its rhythm by the
+    """A topic: its name and type, what it `gives` (wrench, pose, and with which option; nothing), and its rhythm by the
     stamps in its headers, where it has them. `clock` s: by how much those run behind the bag's own, as a rule.
     """
 

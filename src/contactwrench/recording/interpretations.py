@@ -62,29 +62,39 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     """All interpretations of a file: of its orientation, times those of its wrench.
 
     The poses are those that `calibrate` takes, each visit to an orientation for itself. Of a wrench without an
-    orientation in its row, a bag's or one of two files, base axes are no interpretation: nothing reads it so. `gravity`
-    (3,) is the stated direction, base axes. Raises `FileAccessError`; `FileFormatError` where columns are missing or
-    hold no numbers, or all rows have a load; `InputError` for options that are none, and for a stream in which the arm
-    never stands still.
+    orientation in its row, a bag's or one of two files, base axes are no interpretation: nothing reads it so.
+
+    Args:
+        path: of the recording.
+        options: of reading, as stated.
+        gravity: (3,) the stated direction, base axes; None: down.
+
+    Returns:
+        The readings, N and N m, and what they and the orientations may mean.
+
+    Raises:
+        FileAccessError: it cannot be read.
+        FileFormatError: columns are missing or hold no numbers, or all rows have a load.
+        InputError: options that are none, or a stream in which the arm never stands still.
     """
     rows = rows_as_written(path, options)
     if not len(rows.wrench):
         raise FileFormatError(f"{name_of(path)}: found no contact-free samples, expected poses without a load")
-    turning = _turning(rows)
-    written = rows if turning is None else poses_of(rows, turning)
+    rotations = _rotations(rows)
+    written = rows if rotations is None else poses_of(rows, rotations)
     n = len(written.wrench)
     picked = np.unique(np.linspace(0, n - 1, min(n, MOST_POSES)).astype(np.intp))
-    stated_flags = () if options.orientation == "auto" else (f"--orientation {quote(str(options.orientation))}",)
+    stated_option = () if options.orientation == "auto" else (f"--orientation {quote(str(options.orientation))}",)
     units = stated_units(options.units)
     candidates: list[OrientationInterpretation] = []
     if written.stated is not None:
-        candidates.append(OrientationInterpretation(stated_flags, (), 0.0, written.stated))
+        candidates.append(OrientationInterpretation(stated_option, (), 0.0, written.stated))
     for columns, numbers in written.sets:
         tried = _candidates(columns, numbers, written.convention, units.get("angle", ""))
         for option, of_angle, mends, cost, to_matrices, values in tried:
             with suppress(InputError):
-                flags = (f"--orientation {quote(option)}",)
-                made = OrientationInterpretation(flags, mends, cost, to_matrices(values), units=of_angle)
+                stated = (f"--orientation {quote(option)}",)
+                made = OrientationInterpretation(stated, mends, cost, to_matrices(values), units=of_angle)
                 candidates.append(made)
     distinct: dict[bytes, OrientationInterpretation] = {}
     for each in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda o: o.cost):
@@ -103,7 +113,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     )
 
 
-def _turning(rows: Written) -> Array | None:
+def _rotations(rows: Written) -> Array | None:
     """Rotations (n, 3, 3) of the orientation's numbers that tell one stop from the next: as stated, unless these may be
     radians that are read in degrees, or jump where the numbers are stitched together; else by the convention by which
     the arm turns least. None where no convention makes any.
@@ -141,13 +151,13 @@ def _turned_and_shifted(
     for made in candidates:
         for is_inverse in (inverse, not inverse):
             R = made.R_base_flange.transpose(0, 2, 1) if is_inverse else made.R_base_flange
-            flags = (*made.flags, *(["--inverse-orientation"] if is_inverse else []))
+            options = (*made.options, *(["--inverse-orientation"] if is_inverse else []))
             for shift, whose in ((0, ""), (1, "next"), (-1, "previous")):
                 mends = (*made.mends, *([f"each orientation belonging to the {whose} row's wrench"] if shift else []))
                 cost = made.cost + INVERSE * (is_inverse != inverse) + SHIFTED * bool(shift)
                 there = np.flatnonzero((picked >= shift) & (picked - shift < len(R)))
                 rows = slice(int(there[0]), int(there[-1]) + 1) if len(there) else slice(0, 0)
-                yield OrientationInterpretation(flags, mends, cost, R[picked[there] - shift], rows, made.units)
+                yield OrientationInterpretation(options, mends, cost, R[picked[there] - shift], rows, made.units)
 
 
 def _candidates(
@@ -225,9 +235,9 @@ def _flag(named: Convention, columns: tuple[str, ...]) -> str:
 def _of_wrench(stated_frame: str, in_rows: bool) -> Iterator[WrenchInterpretation]:
     """Every interpretation of the wrench but for its sign, the stated one first."""
     for frame in (stated_frame, "base" if stated_frame == "sensor" else "sensor") if in_rows else ("sensor",):
-        flags = ("--wrench-frame base",) if frame == "base" else ()
+        options = ("--wrench-frame base",) if frame == "base" else ()
         for mends, cost, matrix in _axes(frame):
-            yield WrenchInterpretation(flags, mends, cost + FRAME * (frame != stated_frame), matrix, frame == "base")
+            yield WrenchInterpretation(options, mends, cost + FRAME * (frame != stated_frame), matrix, frame == "base")
 
 
 def _axes(frame: str) -> Iterator[tuple[tuple[str, ...], float, Array]]:

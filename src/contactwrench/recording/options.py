@@ -69,8 +69,8 @@ class Options(Naming):
             raise InputError(f"frames is {self.frames!r}, expected two: write ('base', 'flange')")
         for name in TEXTS:
             if not isinstance(value := getattr(self, name), str | None):
-                flag = name.replace("_", "-")
-                raise InputError(f"{name} is {value!r}, expected a text: write it as for --{flag} on the command line")
+                said = name.replace("_", "-")
+                raise InputError(f"{name} is {value!r}, expected a text: write it as for --{said} on the command line")
 
     def require_for(self, path: str | Path, *, bag: bool) -> None:
         """Raise `InputError` for what is said of a table where the recording is a bag, and the other way round."""

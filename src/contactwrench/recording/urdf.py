@@ -66,7 +66,7 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
             f"{path}: found no joint that carries a link {tip!r}, expected one of {some_of(to_child)}"
         )
     chain = _chain(path, tip, to_child)
-    turning: list[_Joint] = []
+    revolute: list[_Joint] = []
     R_before, offsets, R, offset = [], [], np.eye(3), np.zeros(3)
     for joint in chain:
         offset = offset + R @ joint.origin
@@ -78,25 +78,25 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
                 f"{path}: joint {joint.name} is {joint.kind}, expected revolute joints from root to {tip}: "
                 "name the arm's flange, as in arm.urdf:LINK"
             )
-        turning.append(joint)
+        revolute.append(joint)
         R_before.append(R)
         offsets.append(offset)
         R, offset = np.eye(3), np.zeros(3)
-    if not turning:
+    if not revolute:
         raise FileFormatError(f"{path}: found no revolute joint from root to {tip}, expected a robot arm")
-    limits = np.array([joint.limits for joint in turning])
+    limits = np.array([joint.limits for joint in revolute])
     return Arm(
         name=f"{name_of(Path(path).name)}:{tip}",
         R_before=np.array(R_before),
         offset=np.array([*offsets, offset]),
-        axis=np.array([joint.axis for joint in turning]),
+        axis=np.array([joint.axis for joint in revolute]),
         R_last_flange=R,
         limits=limits,
         home=limits.mean(axis=1),
-        max_speed=np.array([joint.max_speed for joint in turning]),
-        max_acceleration=np.full(len(turning), np.nan),
+        max_speed=np.array([joint.max_speed for joint in revolute]),
+        max_acceleration=np.full(len(revolute), np.nan),
         source=name_of(path),
-        joint_names=tuple(joint.name for joint in turning),
+        joint_names=tuple(joint.name for joint in revolute),
         base_frame=chain[0].parent,
     )
 

@@ -183,12 +183,14 @@ def _bad_fit(c: Calibration) -> list[str]:
     """Why a fit is bad: what was stated beside the readings, or recorded with them, and contradicts them comes before a
     file that is read wrongly; which it may be all the same.
     """
-    texts = {finding.kind: finding.text.removeprefix("weak: ") for finding in reversed(c.findings)}
-    if Kind.POOR_FIT not in texts:
+    of_kind = {finding.kind: finding for finding in reversed(c.findings)}
+    if not (poor := of_kind.get(Kind.POOR_FIT)):
         return []
-    if others := texts.get(Kind.CONTRADICTS_OTHERS):
-        return [f"{others}; what fits badly apart too may be read wrongly: contactwrench diagnose tries the other ways"]
-    if known := texts.get(Kind.CONTRADICTS_KNOWN):
-        left = texts[Kind.POOR_FIT].partition(": ")[0]
-        return [f"{left}: {known}; if it is the readings, contactwrench diagnose tries the other ways to read the file"]
-    return [texts[Kind.POOR_FIT]]
+    if others := of_kind.get(Kind.CONTRADICTS_OTHERS):
+        return [
+            f"{others.said}; what fits badly apart too may be read wrongly: contactwrench diagnose tries the other ways"
+        ]
+    if known := of_kind.get(Kind.CONTRADICTS_KNOWN):
+        both = f"{poor.brief}: {known.said}"
+        return [f"{both}; if it is the readings, contactwrench diagnose tries the other ways to read the file"]
+    return [poor.said]

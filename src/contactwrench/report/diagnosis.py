@@ -32,19 +32,19 @@ def verdict(diagnosis: Diagnosis) -> str:
         torque_too = not diagnosis.read_rightly and given.force_left < 2.0 * best.force_left
         as_given = f"as given: {_left(given, torque_too)} left"
     if given is None and best.explains_nothing:
-        return f"{as_given}; no other reading explains it: the best leaves {_left(best, False)}, {_share(best)}"
+        return f"{as_given}; no other interpretation explains it: the best leaves {_left(best, False)}, {_share(best)}"
     if not diagnosis.read_rightly:
         better = f"{_how(best.interpretation, given)}: {_left(best, torque_too)} left"
         doubt = f", {no_tool}" if best.odd else ""
         doubt = doubt if best.explained else f", still {_share(best)}"
         return f"{as_given}; {better}{doubt}"
     if not best.explained:
-        return f"{as_given}, {_share(best)}; no other reading explains it better, and none explains it well"
+        return f"{as_given}, {_share(best)}; no other interpretation explains it better, and none explains it well"
     if best.odd:
-        return f"{as_given}; no other reading explains it better, {no_tool}"
+        return f"{as_given}; no other interpretation explains it better, {no_tool}"
     if diagnosis.likely:
-        return f"{as_given}; other readings explain it as well, and free air cannot tell them apart"
-    return f"{as_given}; no other reading explains it better: it is read rightly, units apart"
+        return f"{as_given}; other interpretations explain it as well, and free air cannot tell them apart"
+    return f"{as_given}; no other interpretation explains it better: it is read rightly, units apart"
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
@@ -118,7 +118,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> str:
 
 
 def _options_and_mends(of: Interpretation) -> dict[str, Any]:
-    return {"flags": of.flags, "mends": of.mends, "cost": of.cost}
+    return {"flags": of.options, "mends": of.mends, "cost": of.cost}
 
 
 def _explanation(fit: Explanation) -> dict[str, Any]:
@@ -136,14 +136,16 @@ def _in_mm(com: Array) -> str:
 
 
 def _label(interpretation: Interpretation) -> str:
-    return ", ".join([*filter(None, [" ".join(interpretation.flags)]), *interpretation.mends]) or "no options"
+    return ", ".join([*filter(None, [" ".join(interpretation.options)]), *interpretation.mends]) or "no options"
 
 
 def _how(interpretation: Interpretation, given: Explanation | None) -> str:
     """How to read a file so, if it was given otherwise."""
-    kept = {flag.split()[0] for flag in interpretation.flags}
-    dropped = [] if given is None else [flag for flag in given.interpretation.flags if flag.split()[0] not in kept]
-    changes = [*([f"`{' '.join(interpretation.flags)}`"] if interpretation.flags else []), *interpretation.mends]
+    kept = {option.split()[0] for option in interpretation.options}
+    dropped = (
+        [] if given is None else [option for option in given.interpretation.options if option.split()[0] not in kept]
+    )
+    changes = [*([f"`{' '.join(interpretation.options)}`"] if interpretation.options else []), *interpretation.mends]
     parts = [f"with {', '.join(changes)}"] if changes else []
     parts += [f"without `{' '.join(dropped)}`"] if dropped else []
     return " and ".join(parts) or "with no options"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Matrix, Rows, Vector, column, shaped
-from ..geometry.rotations import rotation_vectors
+from ..geometry.rotations import procrustes, rotation_vectors
 from .samples import Samples
 from .synchronize import default_gap
 from .timestamps import spread_evenly
@@ -271,13 +271,13 @@ def _fitted(columns: Array, reading: Array, weight: Array) -> tuple[Array, Array
     total = weight.sum()
     f, y = (each - weight @ each / total for each in (columns[:, :3], reading))
     spread = np.linalg.eigvalsh(np.cov(f.T, bias=True))[::-1]
-    U, s, Vt = np.linalg.svd((weight * y.T) @ f)
-    proper = np.sign(np.linalg.det(U @ Vt))
-    turn = np.diag([1.0, 1.0, 1.0 if spread[2] > EVERY_WAY * spread.sum() / 3.0 else proper])
-    power = float(weight @ np.sum(f**2, axis=1))
-    scale = float(np.trace(turn * s)) / power
+    M = (weight * y.T) @ f
+    mirrored, turn = -procrustes(-M), procrustes(M)
+    if spread[2] > EVERY_WAY * spread.sum() / 3.0 and np.sum(mirrored * M) > np.sum(turn * M):
+        turn = mirrored
+    scale = float(np.sum(turn * M)) / float(weight @ np.sum(f**2, axis=1))
     nominal = np.zeros((5, 3))
-    nominal[:3] = scale * (U @ turn @ Vt).T
+    nominal[:3] = scale * turn.T
     information = (weight * columns.T) @ columns + np.diag(PRIOR)
     right = (weight * columns.T) @ (reading - columns @ nominal)
     return nominal + np.linalg.solve(information, right), np.asarray(spread), scale

@@ -13,7 +13,7 @@ from ..geometry.ranges import DELAY
 from ..geometry.wrench import unit_direction
 from .buffer import nodes_of, with_batch
 from .bursts import Even
-from .delay_fit import GRID, Fit, Scan, fitted, scans, standard_deviation
+from .delay_fit import GRID, DelayFit, Scan, fitted, scans, standard_deviation
 from .motion import ArmMotion, arm_motion
 from .samples import OrientationStream, Samples, Streams, WrenchStream
 from .synchronize import default_gap, synchronize
@@ -89,6 +89,9 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
         gravity: down (3,), base axes, as far as it is known.
         within: the range to search to each side, s, at most a quarter of the recording.
 
+    Returns:
+        The delay and its std, s; where the motion cannot tell it, why.
+
     Raises:
         InputError: stamps that cannot be put in order, streams without a common span.
     """
@@ -160,7 +163,7 @@ def _known(motion: ArmMotion, means: WrenchStream, least: float, most: float) ->
 
 def _settled(
     motion: ArmMotion, means: WrenchStream, scanned: WrenchStream, stated: Scan, free: Scan
-) -> tuple[Fit, WrenchStream, Scan]:
+) -> tuple[DelayFit, WrenchStream, Scan]:
     """The fit under gravity as stated, or anywhere if its scan is far better, and the means that it is of: all that are
     known at its delay and near it; and the scan.
     """
@@ -180,7 +183,7 @@ def _settled(
     return fit, used, chosen
 
 
-def _doubt(fit: Fit, std: float, delays: Array, chosen: Scan, count: int) -> str | None:
+def _doubt(fit: DelayFit, std: float, delays: Array, chosen: Scan, count: int) -> str | None:
     """Why the motion does not tell the delay, or None, after a scan of so many means."""
     if not np.isfinite(std):
         return "gravity does not turn in the flange's axes while the arm moves"

@@ -50,7 +50,7 @@ PARTS = {2: 5.02, 3: 7.38}
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class DelayFit:
     """The `delay` s; `down` (3,) in base axes, up to its sign; what the delay would change by for each residual,
     `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
     weight; the orthonormal `basis` (n, k) that was free to explain them; the `weight` (n,) of each mean and the
@@ -174,7 +174,7 @@ def _weight(residual: Array, variance: Array) -> Array:
     return np.asarray(np.minimum(1.0, CONTACT / distance) ** 2)
 
 
-def fitted(motion: ArmMotion, means: WrenchStream, delay: float, down: Array) -> Fit:
+def fitted(motion: ArmMotion, means: WrenchStream, delay: float, down: Array) -> DelayFit:
     """The best fit near `delay` and `down` (3,)."""
     start, weight, before = down, np.ones(len(means.t)), np.inf
     variance: Array | None = None
@@ -201,7 +201,7 @@ def _step(
     start: Array,
     weight: Array,
     variance: Array | None,
-) -> tuple[Array, Array, Fit]:
+) -> tuple[Array, Array, DelayFit]:
     """How far (4,) the delay and down are from the best for these weights (n,) and variances (6,) (None: robust ones);
     the residuals (n, 6) here, and the fit.
     """
@@ -222,7 +222,7 @@ def _step(
     gradient[1:] -= across @ (down - start) / TILT_SD**2
     misfit = float(np.log(variance).sum())
     if H[0, 0] <= SAME * (slopes[0] ** 2).sum():
-        blind = Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit)
+        blind = DelayFit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit)
         return np.zeros(4), residual, blind
     inverse = np.linalg.inv(H)
     step = inverse @ gradient
@@ -231,7 +231,7 @@ def _step(
     noisy = _times(_beside(root * change, basis), unit)
     weightless = float(np.sqrt(OVERLAP / max(6.0 * (noisy**2).sum(), 1e-300)))
     moved: Array = np.r_[step[0], step[1:] @ across]
-    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, weightless, misfit)
+    return moved, residual, DelayFit(delay, down, influence, left, basis, weight, variance, bound, weightless, misfit)
 
 
 def _independent(moments: Array) -> Array:
@@ -258,7 +258,7 @@ def _beside(columns: Array, basis: Array) -> Array:
     return columns - _times(basis, _sums(basis, columns))
 
 
-def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> float:
+def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: DelayFit) -> float:
     """The standard deviation of the delay, s: that of residuals which are correlated in time, more where parts of the
     recording disagree by more than theirs (Birge, 1932), and no less than the bound.
 

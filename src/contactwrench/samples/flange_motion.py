@@ -108,6 +108,9 @@ def flange_motion(
         accelerometer: how it sits; None: accelerations are those of the positions.
         gravity: (3,) m/s^2, base axes, which an accelerometer reads too.
 
+    Returns:
+        Acceleration (n, 3) m/s^2, angular velocity and acceleration (n, 3), rad/s and rad/s^2, in the flange's axes.
+
     Raises:
         InputError: no times, no positions or accelerations, or too few rows to tell a motion.
     """

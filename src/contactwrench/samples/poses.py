@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array, Frozen, Matrix, Vector, shaped
+from ..geometry.rotations import procrustes
 from .samples import Samples
 from .still_noise import covariances_of_means
 
@@ -95,10 +96,7 @@ def taken(values: Array, rows: slice | NDArray[np.intp]) -> Array:
 
 
 def _mean_rotation(R: Array) -> Array:
-    if len(R) == 1:
-        return np.asarray(R[0])
-    U, _, Vt = np.linalg.svd((np.ones(len(R)) @ R.reshape(-1, 9)).reshape(3, 3))
-    return np.asarray(U @ Vt)
+    return np.asarray(R[0]) if len(R) == 1 else procrustes((np.ones(len(R)) @ R.reshape(-1, 9)).reshape(3, 3))
 
 
 def _span(t: Array | None, rows: slice | NDArray[np.intp]) -> tuple[float | None, float | None]:

@@ -231,8 +231,8 @@ class OrientationStream(Rows):
 
 @dataclass(frozen=True, eq=False)
 class Streams(Frozen):
-    """A recording as it is: what the sensor read, and where the arm was, each at its own times; `read_as` and
-    `damage` as in `Samples`.
+    """A recording as it is: what the sensor read, `wrench` (n), and where the arm was, `orientation` (m), each at
+    its own times, s; `read_as` and `damage` as in `Samples`.
     """
 
     wrench: WrenchStream

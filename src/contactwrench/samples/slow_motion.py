@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
+from ..geometry.rotations import procrustes
 from ..geometry.wrench import STANDARD_GRAVITY
 from .motion import FEWEST_ROWS, Blocks, blocks_of
 from .poses import Pose
@@ -96,8 +97,7 @@ def poses_on_the_way(samples: Samples, elsewhere: Sequence[slice]) -> tuple[tupl
     if fit.left > MOST_LEFT * np.linalg.norm(change):
         return (), None
     weight = np.repeat(np.sqrt(wrench.var(axis=0).reshape(2, 3).sum(axis=1)), 3)
-    U, _, Vt = np.linalg.svd(fit.R.reshape(-1, 3, 3))
-    nearest = U @ Vt
+    nearest = procrustes(fit.R.reshape(-1, 3, 3))
     at_nearest = wrench + (nearest.reshape(-1, 9) - fit.R) @ fit.slope  # a mean over an arc lies within it
     lagging = fit.lag_std * fit.speed
     variance = fit.noise**2 + (parts.acceleration[:, None] * weight) ** 2

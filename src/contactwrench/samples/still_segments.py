@@ -98,6 +98,9 @@ def still_segments(samples: Samples) -> StillSegments:
     Args:
         samples: with times, rows in the order in which they were recorded.
 
+    Returns:
+        The segments that are accepted and rejected, each with its mean reading (6,) N and N m and orientation (3, 3).
+
     Raises:
         InputError: samples without times.
     """

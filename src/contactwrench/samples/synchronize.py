@@ -89,6 +89,9 @@ def synchronize(
         at_their_pace: orientations that were sent evenly and stamped as they came are put where they were sent, so that
             an acceleration can be taken from them.
 
+    Returns:
+        The samples, which rows of the wrench stream they are, and what was left out and put right.
+
     Raises:
         InputError: stamps that cannot be put in order, streams without a common span, gaps that leave less than half
             of it.

@@ -8,7 +8,7 @@ from time import monotonic, sleep
 import pytest
 
 from contactwrench.lab.netft import NetFt
-from contactwrench.lab.signals import Plain
+from contactwrench.lab.truth import Plain
 from contactwrench.live.source import DeviceError
 from contactwrench.live.sources import netft
 from contactwrench.live.uri import source_of

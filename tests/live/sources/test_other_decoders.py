@@ -26,7 +26,7 @@ from contactwrench.geometry.quaternions import from_kuka_abc
 from contactwrench.lab.netft import NetFt
 from contactwrench.lab.robotiq import Robotiq
 from contactwrench.lab.rsi import Rsi
-from contactwrench.lab.signals import Plain
+from contactwrench.lab.truth import Plain
 from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind, Source
 from contactwrench.live.sources import ft300, netft, robotiq, rsi
@@ -188,8 +188,8 @@ OTHERS = {
 @pytest.mark.parametrize(("change", "said"), OTHERS.values(), ids=OTHERS)
 def test_a_robot_that_sends_something_else_is_told_what(change: Callable[[bytes], bytes], said: str) -> None:
     class Other(Rsi):
-        def _cycle(self, t: float, number: int) -> bytes:
-            return change(super()._cycle(t, number))
+        def cycle_at(self, t: float, number: int) -> bytes:
+            return change(super().cycle_at(t, number))
 
     with Other(numbered(), (LOCALHOST, free_port())) as robot:
         assert refusal(source_of(robot.uri)) == f"{robot.uri}: found {said}"
@@ -227,7 +227,7 @@ def test_a_place_that_nobody_filled_in_is_none() -> None:
     topic, batch, turn = Ros2(parsed("ros2://pose")), Batch(), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
     for x in (0.0, 0.4):
         message = SimpleNamespace(position=SimpleNamespace(x=x, y=0.0, z=0.0), orientation=turn)
-        topic._sample(message, 1.0, batch)
+        topic.take(message, 1.0, batch)
     assert [sample.position for sample in batch.samples] == [None, (0.4, 0.0, 0.0)]
     assert [sample.orientation for sample in batch.samples] == [(0.0, 0.0, 0.0, 1.0)] * 2
 

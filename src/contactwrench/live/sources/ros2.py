@@ -81,7 +81,7 @@ class Ros2:
                 break
         arrival = now()
         for message in messages:
-            self._sample(message, arrival, batch)
+            self.take(message, arrival, batch)
         return batch
 
     def close(self) -> None:
@@ -92,7 +92,8 @@ class Ros2:
             if made is not None:
                 made.close()
 
-    def _sample(self, message: Any, arrival: float, batch: Batch) -> None:
+    def take(self, message: Any, arrival: float, batch: Batch) -> None:
+        """Put what a message says into the batch."""
         device = nan
         if (header := getattr(message, "header", None)) is not None and (header.stamp.sec or header.stamp.nanosec):
             device = header.stamp.sec + 1e-9 * header.stamp.nanosec

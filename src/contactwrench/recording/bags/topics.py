@@ -63,37 +63,37 @@ def _transform_topics(bag: Bag, name: str | None) -> tuple[Topic, ...]:
     return asked, *others
 
 
-def _named(bag: Bag, name: str, types: tuple[str, ...], flag: str) -> Topic:
+def _named(bag: Bag, name: str, types: tuple[str, ...], option: str) -> Topic:
     same_name = [topic for topic in bag.counts if topic.name in (name, f"/{name}")]
     if not same_name:
-        raise FileFormatError(f"{bag.path}: found no topic {name}, expected one of {_listed(bag)}: {flag}")
+        raise FileFormatError(f"{bag.path}: found no topic {name}, expected one of {_listed(bag)}: {option}")
     right = [topic for topic in same_name if topic.type in types]
     if not right:
         raise FileFormatError(
             f"{bag.path}: topic {name} is {written(same_name[0].type)}, expected {_types(types)}: name another with "
-            f"{flag}"
+            f"{option}"
         )
     recorded = [topic for topic in right if bag.counts[topic]]
     if len(recorded) != 1:
         found = f"is {' and '.join(written(each.type) for each in recorded)}" if recorded else "has no messages"
         expected = "one type" if recorded else "some"
-        raise FileFormatError(f"{bag.path}: topic {name} {found}, expected {expected}: name another with {flag}")
+        raise FileFormatError(f"{bag.path}: topic {name} {found}, expected {expected}: name another with {option}")
     return recorded[0]
 
 
-def _only(bag: Bag, what: str, types: tuple[str, ...], flag: str, content: str) -> Topic:
+def _only(bag: Bag, what: str, types: tuple[str, ...], option: str, content: str) -> Topic:
     recorded = _recorded(bag, types, f"with {content}")
     if len(recorded) > 1:
         listed = ", ".join(f"{topic.name} ({written(topic.type)}, {bag.counts[topic]} messages)" for topic in recorded)
         raise FileFormatError(
-            f"{bag.path}: found {len(recorded)} topics with {what}: {listed}, expected one: choose with {flag} "
+            f"{bag.path}: found {len(recorded)} topics with {what}: {listed}, expected one: choose with {option} "
             f"{recorded[0].name}"
         )
     return recorded[0]
 
 
 def _flag_is_missing(bag: Bag, topics: tuple[Topic, ...]) -> FileFormatError:
-    """The error for a pose that can be had from `topics`, with a flag that was not given."""
+    """The error for a pose that can be had from `topics`, with an option that was not given."""
     advice = []
     if any(topic.type == JOINT_STATE for topic in topics):
         advice.append(f"name the arm of the joint states with {ROBOT_FLAG} NAME or ARM.urdf")

@@ -42,7 +42,7 @@ def turns_little(R_base_flange: Array) -> bool:
 
 def angles_in_doubt(path: str | Path, naming: Naming) -> str:
     """What to say of the angles of the table that holds the orientation if none of them, read in degrees, goes beyond
-    half a turn of radians; empty where file or flags state the unit. Where the orientations turn more than a little
+    half a turn of radians; empty where file or options state the unit. Where the orientations turn more than a little
     there is nothing to say (see `turns_little`).
     """
     table = open_table(path, naming)
@@ -77,7 +77,7 @@ def end_in_doubt(path: str | Path) -> str:
 
 def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
     """What to say of a table's times (n,), read as s, if that is likely not their unit; empty where nothing is in
-    doubt, or where file or flags state the unit. Raises `InputError` where nobody waits so long from row to row.
+    doubt, or where file or options state the unit. Raises `InputError` where nobody waits so long from row to row.
     """
     if t is None or (likely := likely_unit(t)) is None:
         return ""

@@ -49,8 +49,9 @@ class Payload(Frozen):
             f"mass in kg, centre of mass in {unit}, flange axes, from the flange's origin: the tool "
             f"({fixed(self.tool_mass, 6)} kg) with the sensor as stated ({fixed(self.mass - self.tool_mass, 6)} kg); "
             "the plate on the sensor's tool side is weighed with the tool, take it off --sensor-mass",
-            "flange axes, here and in the flags, are those whose orientation was recorded: with a turned TCP set then, "
-            "the TCP's; where the robot reports torques about a TCP, --sensor-offset is how far off the flange that is",
+            "flange axes, here and in the options, are those whose orientation was recorded: with a turned TCP set "
+            "then, the TCP's; where the robot reports torques about a TCP, --sensor-offset is how far off the flange "
+            "that is",
             inertia,
             "for the robot's own motion, hand guiding and collision detection, and for a sensor inside it; from the "
             "readings of a sensor outside nothing is subtracted, and its bias is not in here",
@@ -100,7 +101,7 @@ def payload_on_flange(calibration: Calibration, setup: Setup, target: str) -> Pa
     sensor_com = np.zeros(3) if sensor_mass == 0.0 else setup.sensor_com
     if offset is None or sensor_mass is None or sensor_com is None:
         stated = ((OFFSET, offset), (MASS, sensor_mass), (COM, sensor_com))
-        missing = " and ".join(flag for flag, value in stated if value is None)
+        missing = " and ".join(option for option, value in stated if value is None)
         where = "" if missing == MASS else COUNTED
         raise InputError(f"{target} counts with the sensor's own mass, expected {missing}: give it{where}")
     tool = rigid_tool(calibration, setup, target)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ...calibration.calibration import Calibration
 from ...errors import InputError
 from ...geometry.arrays import Array
-from ...geometry.rotations import spread_rotations
+from ...geometry.rotations import procrustes, spread_rotations
 from ...model import RigidTool
 from .target import Setup
 
@@ -71,31 +71,29 @@ def largest_error(calibration: Calibration, B: Array, gravity_direction: Array) 
     """
     wrong = np.einsum("ij,k->ijk", B[:, :3], gravity_direction)
     right = np.einsum("ij,k->ijk", calibration.B[:, :3], calibration.gravity_direction)
-    turning, constant = wrong - right, B[:, 3] - calibration.bias
-    return _largest(turning[:3], constant[:3]), _largest(turning[3:], constant[3:])
+    slope, constant = wrong - right, B[:, 3] - calibration.bias
+    return _largest(slope[:3], constant[:3]), _largest(slope[3:], constant[3:])
 
 
-def _largest(turning: Array, constant: Array) -> float:
-    """The largest norm of `turning[i, j, k] R[k, j] + constant[i]` over all rotations R.
+def _largest(slope: Array, constant: Array) -> float:
+    """The largest norm of `slope[i, j, k] R[k, j] + constant[i]` over all rotations R.
 
     Its square is convex in R. So the rotation that has most in common with the gradient is never worse than the one
     before: from the best of a dense set of rotations these steps climb to the largest.
     """
     R = spread_rotations(288, 24)
-    error = _error(turning, constant, R)
+    error = _error(slope, constant, R)
     R = R[np.argsort(np.linalg.norm(error, axis=1))[-STARTS:]]
     largest = 0.0
     for _ in range(MOST_STEPS):
-        error = _error(turning, constant, R)
+        error = _error(slope, constant, R)
         before, largest = largest, float(np.linalg.norm(error, axis=1).max())
         if largest <= before * (1.0 + LEAST_GAIN):
             break
-        U, _, Vt = np.linalg.svd(np.einsum("ijk,ni->nkj", turning, error))
-        U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
-        R = U @ Vt
+        R = procrustes(np.einsum("ijk,ni->nkj", slope, error))
     return largest
 
 
-def _error(turning: Array, constant: Array, R: Array) -> Array:
+def _error(slope: Array, constant: Array, R: Array) -> Array:
     """The error (n, 3) at rotations (n, 3, 3)."""
-    return np.asarray(np.einsum("ijk,nkj->ni", turning, R) + constant)
+    return np.asarray(np.einsum("ijk,nkj->ni", slope, R) + constant)

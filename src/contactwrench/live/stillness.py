@@ -40,7 +40,7 @@ class Stand:
         return self.since < inf
 
 
-class Standing:
+class Stillness:
     """Looks at the history, and remembers how quiet the sensor is."""
 
     def __init__(self) -> None:

@@ -14,11 +14,11 @@ from ..samples.limits import channels_at_limit
 from ..samples.samples import Samples
 from ..statistics import counted
 
-SATURATED = Reason("saturated: a channel stands at its limit", "saturated")
+SATURATED = Reason("saturated: a channel stands at its limit")
 STUCK = "stuck"
 
 
-class Standing:
+class StuckReadings:
     """What a control loop learns only after a while is told here of each row, batch by batch: that a channel stands at
     its limit, which the batch before and this one show, and that a reading was stuck, back to where it began in it.
     """
@@ -33,14 +33,15 @@ class Standing:
         wrench, valid, reasons, contact = samples.wrench, rows.valid.copy(), list(rows.reason), rows.contact.copy()
         saturated, moves = self._saturated(rows, samples), np.diff(wrench, axis=0, prepend=self._before[-1:]) != 0.0
         self._before = wrench if len(wrench) else self._before
-        told = [row for row, reason in enumerate(rows.reason) if reason is not None and reason.kind == STUCK]
-        for row in np.flatnonzero(saturated & (valid | np.isin(np.arange(len(wrench)), told))).tolist():
+        channels = {row: why.channel for row, why in enumerate(rows.reason) if why is not None and why.kind == STUCK}
+        for row in np.flatnonzero(saturated & (valid | np.isin(np.arange(len(wrench)), list(channels)))).tolist():
             reasons[row], valid[row] = SATURATED, False
-        for what, moved in zip((*AXES, "the whole reading"), (*moves.T, moves.any(axis=1)), strict=True):
+        of_each = zip((*range(6), -1), (*AXES, "the whole reading"), (*moves.T, moves.any(axis=1)), strict=True)
+        for channel, what, moved in of_each:
             stretch = np.cumsum(moved)
-            stuck = [stretch[row] for row in told if str(rows.reason[row]).startswith(f"{STUCK}: {what} ")]
+            stuck = [stretch[row] for row, own in channels.items() if own == channel]
             for row in np.flatnonzero(valid & ~moved & np.isin(stretch, stuck)).tolist():
-                reasons[row] = Reason(f"{STUCK}: {what} has begun to stand still", STUCK)
+                reasons[row] = Reason(f"{STUCK}: {what} has begun to stand still", channel=channel)
                 valid[row], contact[row] = False, NOT_JUDGED
         return replace(
             rows,

@@ -32,7 +32,7 @@ class FlangePose:
         return axis * (2.0 * atan2(length if scalar >= 0.0 else -length, abs(scalar)) / max(length, 1e-300))
 
 
-class Signal(Protocol):
+class Truth(Protocol):
     """What a device is on."""
 
     def wrench_rows(self, t0: float, n: int, rate: float) -> Array:
@@ -50,7 +50,7 @@ class Signal(Protocol):
 
 @dataclass
 class Plain:
-    """A signal without physics: row k of the wrench is `wrench + k * step`, and the flange stays.
+    """A truth without physics: row k of the wrench is `wrench + k * step`, and the flange stays.
 
     A step of (1, 0, 0, 0, 0, 0) numbers the rows in fx. `rows` counts those that were asked for.
     """

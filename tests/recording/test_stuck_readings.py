@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.compensate.faults import Reason
-from contactwrench.recording.standing import Standing
+from contactwrench.recording.stuck_readings import StuckReadings
 from contactwrench.samples.limits import channels_at_limit
 from tests.support.live import calibrated, times
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
@@ -168,15 +168,15 @@ def test_a_channel_that_sticks_is_not_valid_from_its_first_repeated_row_on(tmp_p
 
 
 def test_what_stands_on_from_batch_to_batch_and_batches_without_readings() -> None:
-    standing, rows = Standing(), np.arange(60.0)[:, None] * np.ones(6)
+    told_before, rows = StuckReadings(), np.arange(60.0)[:, None] * np.ones(6)
     rows[20:, 3] = 7.0
-    stuck = (Reason("stuck: tx has not moved for 30 readings while others did", "stuck"),)
+    stuck = (Reason("in whatever words", "stuck", channel=3),)
 
     def part(of: slice, reasons: tuple[Reason | None, ...]) -> ContactWrenches:
         wrench = rows[of]
         valid = np.array([reason is None for reason in reasons], dtype=np.bool_)
         told = ContactWrenches(wrench, wrench, np.arange(float(len(wrench))), True, valid, reasons)
-        return standing.marked(told, cw.Samples(wrench, np.tile(np.eye(3), (len(wrench), 1, 1)), told.t))
+        return told_before.marked(told, cw.Samples(wrench, np.tile(np.eye(3), (len(wrench), 1, 1)), told.t))
 
     assert part(slice(30), (None,) * 30).valid.all()
     assert not len(part(slice(0), ()))
