@@ -12,6 +12,8 @@ from ..errors import ContactWrenchError
 
 TAKEN_FOR_THE_FLANGE = "taken for the flange's in base axes"
 """What a source says that cannot tell whose pose it is."""
+HALF_OPEN = 1.0
+"""s of silence after which a connection is taken for lost, but of what listens, or is played."""
 _SINCE_1970 = time.time() - time.monotonic()
 
 Six = tuple[float, float, float, float, float, float]
