@@ -176,7 +176,7 @@ class _Lines(Reader[AnyLink]):
         except DeviceError:
             if not (line := (decoder.refused or decoder.rest)[:SHOWN]):
                 raise
-            found = f"the line {visible(line.decode('latin-1'))!r}"
+            found = f"the line '{visible(line.decode('latin-1'))}'"
             do = "name what it sends so, or state ?columns=t,fx,fy,fz,tx,ty,tz,.."
             raise self._link.error(found, EXPECTED, do) from None
         others = self._link.deadline(OTHERS)
