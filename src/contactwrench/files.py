@@ -92,7 +92,10 @@ def open_bytes(path: str | Path) -> Iterator[BufferedReader[Any]]:
     except FileAccessError:
         raise
     except IsADirectoryError:
-        raise FileAccessError(f"{name}: found a directory, expected a file: name the file in it") from None
+        of_parquet = name.lower().rstrip("/").endswith(".parquet") and not entries(Path(path))
+        found, do = ("an empty folder", "nothing was recorded") if of_parquet else ("a directory", "name the file in it")
+        expected = "a folder of Parquet with rows" if of_parquet else "a file"
+        raise FileAccessError(f"{name}: found {found}, expected {expected}: {do}") from None
     except FileNotFoundError:
         raise FileAccessError(f"{name}: there is no such file, expected a readable file: check the path") from None
     except OSError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
 
 import pytest
@@ -66,12 +66,11 @@ def test_what_fails_here_is_ours(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_example_refuses_what_it_cannot_take(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(EXAMPLE))
-    from contactwrench_example_sensor import ExampleSensor
-
+    sensor = import_module("contactwrench_example_sensor").ExampleSensor
     with pytest.raises(InputError) as refused:
-        ExampleSensor(parsed("example://b?amplitude=abc"))
+        sensor(parsed("example://b?amplitude=abc"))
     assert (
         str(refused.value) == "example://b?amplitude=abc: found amplitude=abc, expected N, as amplitude=10: correct it"
     )
-    assert ExampleSensor(parsed("example://b?amplitude=3")).uri == "example://b?amplitude=3"
+    assert sensor(parsed("example://b?amplitude=3")).uri == "example://b?amplitude=3"
     sys.modules.pop("contactwrench_example_sensor")

@@ -48,7 +48,7 @@ def test_who_listens_and_who_is_slow_itself_is_not_told_of_silence(monkeypatch: 
         begun = monotonic()
         while monotonic() - begun < 1.2:
             assert len(next(batches))
-    with Sri(numbered(), 8.0) as fake, cw.live.open(fake.uri) as sensor:
+    with Sri(numbered(), 8.0) as slow, cw.live.open(slow.uri) as sensor:
         for k, _ in enumerate(sensor):
             sleep(0.5 if k < 3 else 0.0)
             if k > 8:
