@@ -93,7 +93,9 @@ def open_bytes(path: str | Path) -> Iterator[BufferedReader[Any]]:
         raise
     except IsADirectoryError:
         of_parquet = name.lower().rstrip("/").endswith(".parquet") and not entries(Path(path))
-        found, do = ("an empty folder", "nothing was recorded") if of_parquet else ("a directory", "name the file in it")
+        found, do = (
+            ("an empty folder", "nothing was recorded") if of_parquet else ("a directory", "name the file in it")
+        )
         expected = "a folder of Parquet with rows" if of_parquet else "a file"
         raise FileAccessError(f"{name}: found {found}, expected {expected}: {do}") from None
     except FileNotFoundError:
