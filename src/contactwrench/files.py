@@ -92,18 +92,14 @@ def open_bytes(path: str | Path) -> Iterator[BufferedReader[Any]]:
     except FileAccessError:
         raise
     except IsADirectoryError:
-        of_parquet = name.lower().rstrip("/").endswith(".parquet") and not entries(Path(path))
-        found, do = (
-            ("an empty folder", "nothing was recorded") if of_parquet else ("a directory", "name the file in it")
-        )
-        expected = "a folder of Parquet with rows" if of_parquet else "a file"
-        raise FileAccessError(f"{name}: found {found}, expected {expected}: {do}") from None
+        if name.lower().endswith(".parquet") and not entries(Path(path)):
+            raise FileAccessError(f"{name}: found an empty folder, expected rows in it: nothing was recorded") from None
+        raise FileAccessError(f"{name}: found a directory, expected a file: name the file in it") from None
     except FileNotFoundError:
         raise FileAccessError(f"{name}: there is no such file, expected a readable file: check the path") from None
     except OSError as error:
-        raise FileAccessError(
-            f"{name}: cannot be read ({_reason(error)}): check the path and its permissions"
-        ) from None
+        found = f"cannot be read ({_reason(error)})"
+        raise FileAccessError(f"{name}: {found}: check the path and its permissions") from None
 
 
 def _opened(path: Path) -> BufferedReader[Any]:

@@ -341,6 +341,4 @@ def test_an_output_without_a_row_says_that_it_has_none(tmp_path: Path, made: Cal
         return
     with pytest.raises(FileAccessError) as refused:
         contents(path)
-    assert str(refused.value) == (
-        f"{path}: found an empty folder, expected a folder of Parquet with rows: nothing was recorded"
-    )
+    assert str(refused.value) == (f"{path}: found an empty folder, expected rows in it: nothing was recorded")
