@@ -109,8 +109,12 @@ def test_a_box_that_sends_nothing_usable_is_refused(box: type[Sri], keeps: Mappi
             },
         ),
         (
-            {"SGDM": "(A01, A02, A03, A04, A05, A06);E;1;(WMA:16)"},
-            {CHANNELS: "the box has (A01,A02,A03,A04,A05,A06);E;1;(WMA:16)", "DCKMD=SUM": "done"},
+            {"SGDM": "(A01, A02, A03, A04, A05, A06);E;1;(WMA:16)", "DCPCU": "?"},
+            {
+                "unit of its decoupling matrix": "not told",
+                CHANNELS: "the box has (A01,A02,A03,A04,A05,A06);E;1;(WMA:16)",
+                "DCKMD=SUM": "done",
+            },
         ),
     ],
     ids=["as told", "refuses", "silent", "otherwise"],

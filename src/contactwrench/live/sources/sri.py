@@ -29,7 +29,7 @@ CHANNELS = "SGDM=(A01,A02,A03,A04,A05,A06);E;1;(WMA:1)"
 SUMS = "DCKMD=SUM"
 COUNTS = re.compile(r"\(.*\);C;").match
 """Of the answer about channels: AD counts, which are no N and N m."""
-MATRIX = "MVPV"
+MATRIX = "MVPV", "MV/V"
 """mV/V, the unit of the decoupling matrix that all known programs set (`DCPCU`): in another each reading is off by a
 factor, which nothing else shows.
 """
@@ -155,11 +155,11 @@ class Sri(Reader[Tcp]):
 
     def _matrix(self, deadline: Deadline) -> dict[str, str]:
         """In which unit its decoupling matrix is. Raises `DeviceError`: in one that is not known."""
-        said = self._ask("DCPCU=?", self._soon(deadline))
-        if said not in ("", ERROR, MATRIX):
-            found, do = f"its decoupling matrix in {said}", f"set AT+DCPCU={MATRIX} in its maker's program"
-            raise self._link.error(found, f"{MATRIX}, mV/V, as on the sensor's sheet", do)
-        return {"unit of its decoupling matrix": said if said == MATRIX else "not told"}
+        said = self._ask("DCPCU=?", self._soon(deadline)).upper()
+        if said not in (ERROR, *MATRIX) and re.fullmatch(r"[A-Z/]+", said):
+            found, do = f"its decoupling matrix in {said}", f"set AT+DCPCU={MATRIX[0]} in its maker's program"
+            raise self._link.error(found, f"{MATRIX[0]}, mV/V, as on the sensor's sheet", do)
+        return {"unit of its decoupling matrix": said if said in MATRIX else "not told"}
 
     def _no_samples(self, instead: str) -> DeviceError:
         """What is raised where it sends no stream that can be read."""
