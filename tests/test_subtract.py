@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.compensate.runner import compiled
 from contactwrench.errors import InputError
 from contactwrench.geometry.orientation import nearest_rotations
 from tests.support.rigs import example, noise_free, seeds
@@ -224,7 +225,7 @@ def as_given(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
     """Few matrices, too, are taken as they are."""
     monkeypatch.setattr(kernel, "FUSED_FROM", 1)
     if request.param == "numpy":
-        monkeypatch.setattr(kernel, "find_spec", lambda name: None)
+        monkeypatch.setattr(kernel, "has_compiler", lambda: False)
 
 
 @pytest.mark.usefixtures("as_given")
@@ -354,3 +355,20 @@ def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(full: str, monkey
     with pytest.raises((RuntimeError, OSError), match=r"no locator available|No space left"):
         njit(cache=True)(_add)
     assert kernel.compiled_by_numba(_add, (int64, int64))(1, 2) == 3
+
+
+def test_numba_that_is_switched_off_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """NUMBA_DISABLE_JIT made an AttributeError of each batch and of each `Compensator`."""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    monkeypatch.setattr(kernel, "FUSED_FROM", 1)
+    monkeypatch.setattr(kernel, "_compensate_fused", None)
+    calibration, R, _, wrench = _case(12, 20)
+    assert np.isfinite(calibration.compensate(wrench, R)).all()
+    compensated = cw.Compensator(calibration)(wrench[0], R[0], 0.0)
+    assert np.isfinite(compensated.wrench).all()
+    if find_spec("numba") is None:
+        return
+    compiled.cache_clear()
+    with pytest.raises(InputError) as refused:
+        cw.Compensator(calibration, fast=True)
+    assert str(refused.value) == "NUMBA_DISABLE_JIT is set, expected not with fast=True: unset it, or leave fast out"

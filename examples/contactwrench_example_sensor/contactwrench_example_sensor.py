@@ -10,6 +10,7 @@ from math import sin, tau
 from threading import Event
 from time import monotonic
 
+from contactwrench.errors import InputError
 from contactwrench.live.counter import Counter
 from contactwrench.live.source import About, Batch, DeviceError, Sample, now
 from contactwrench.live.uri import Uri
@@ -28,7 +29,11 @@ class ExampleSensor:
     def __init__(self, uri: Uri) -> None:
         uri.only("amplitude")  # another option is refused by name
         self.uri = uri.text
-        self._name, self._amplitude = uri.host, float(uri.options.get("amplitude", "10"))
+        amplitude = uri.options.get("amplitude", "10")
+        try:
+            self._name, self._amplitude = uri.host, float(amplitude)
+        except ValueError:
+            raise InputError(f"{uri}: found amplitude={amplitude}, expected N, as amplitude=10: correct it") from None
         self._closed = Event()
 
     def open(self) -> About:

@@ -1,9 +1,11 @@
 """What can go wrong, by kind. Every message is one line: what was found, what was expected, what to do."""
 
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 LONGEST, LONGEST_ADVICE = 299, 150
@@ -88,6 +90,11 @@ def of_extra(module: str, what: str, extra: str) -> Any:
         said = " ".join(str(error).split())[:200]
         why = "is not installed" if error.name in (package, module) else f"cannot be loaded ({said})"
         raise MissingExtraError(f"{what} needs {package}, which {why}: pip install 'contactwrench[{extra}]'") from None
+
+
+def has_compiler() -> bool:
+    """Whether numba is installed, and not switched off, as its NUMBA_DISABLE_JIT does."""
+    return find_spec("numba") is not None and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 
 
 def visible(text: str) -> str:

@@ -92,13 +92,14 @@ def open_bytes(path: str | Path) -> Iterator[BufferedReader[Any]]:
     except FileAccessError:
         raise
     except IsADirectoryError:
+        if name.lower().endswith(".parquet") and not entries(Path(path)):
+            raise FileAccessError(f"{name}: found an empty folder, expected rows in it: nothing was recorded") from None
         raise FileAccessError(f"{name}: found a directory, expected a file: name the file in it") from None
     except FileNotFoundError:
         raise FileAccessError(f"{name}: there is no such file, expected a readable file: check the path") from None
     except OSError as error:
-        raise FileAccessError(
-            f"{name}: cannot be read ({_reason(error)}): check the path and its permissions"
-        ) from None
+        found = f"cannot be read ({_reason(error)})"
+        raise FileAccessError(f"{name}: {found}: check the path and its permissions") from None
 
 
 def _opened(path: Path) -> BufferedReader[Any]:

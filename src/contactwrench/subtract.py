@@ -13,7 +13,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from functools import cache
-from importlib.util import find_spec
 from itertools import pairwise
 from math import prod
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .errors import InputError
+from .errors import InputError, has_compiler
 from .geometry.arrays import Array
 from .geometry.orientation import (
     ROTATION_TOLERANCE,
@@ -81,7 +80,7 @@ def compensate(
         raise InputError(f"found {len(motion)} moments of motion, expected {len(readings)}, one for each reading")
     parts = _orientation_parts(orientation, leading or (1,))
     result = np.empty_like(readings) if out is None else result_rows(out, leading, readings, parts)
-    if len(readings) >= FUSED_FROM and find_spec("numba") is not None:
+    if len(readings) >= FUSED_FROM and has_compiler():
         fine = _compensate_fused(matrix, gravity_direction, readings, parts, motion, result)
     else:
         fine = _compensate_chunks(matrix, gravity_direction, readings, parts, motion, result)

@@ -295,6 +295,31 @@ def test_the_calibration_of_a_larger_sensor() -> None:
         f"cal.json: found fx of a free tool up to {free:.3g}, expected at most the sensor's range, 1: "
         "it is of another sensor"
     )
+    stated = (0.5, *small.ranges[1:]) if small.ranges else None
+    with pytest.raises(InputError) as refused:
+        require_devices(known, "cal.json", small, small, stated)
+    assert str(refused.value) == (
+        f"cal.json: found fx of a free tool up to {free:.3g}, expected at most 0.5, as in --ranges: "
+        "it, or --ranges, is of another sensor"
+    )
+    require_devices(known, "cal.json", small, small, (1e3,) * 6)
+
+
+def test_stated_ranges_are_held_against_a_calibration_before_a_session(
+    tmp_path: Path, calibration: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    """Of a sensor that states none: it ran, and each reading of a free tool was an overload."""
+    monkeypatch.setattr("contactwrench.cli.live_before.compile_now", lambda _: None)
+    monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: None)
+    lines = '{"fx":0,"fy":0,"fz":0,"tx":0,"ty":0,"tz":0,"qx":0,"qy":0,"qz":0,"qw":1}\n'
+    (tmp_path / "in").write_text(lines)
+    for ranges, status in (("1,1,1,0.1,0.1,0.1", 2), ("500,500,500,50,50,50", 0)):
+        with open(tmp_path / "in", encoding="utf-8") as sent:
+            monkeypatch.setattr("sys.stdin", sent)
+            options = ("-c", calibration, "--no-page", "--ranges", ranges)
+            done = run(capsys, "live", "--sensor", "stdin:", *options)
+        assert done.status == status, done.err
+        assert (", as in --ranges: it, or --ranges, is of another sensor" in done.err) == (status == 2)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import csv
 import itertools
 import os
 import resource
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -324,3 +325,20 @@ def test_in_silence_nothing_is_written(tmp_path: Path, monkeypatch: pytest.Monke
         sink.write(turn(100, 0))
     sink.close()
     assert sink.written == 100
+
+
+@pytest.mark.parametrize("made", [Recorder, lambda path: sink_of(str(path))], ids=["record", "out"])
+@pytest.mark.parametrize("kind", [".csv", ".parquet"])
+def test_an_output_without_a_row_says_that_it_has_none(tmp_path: Path, made: Callable[[Path], Sink], kind: str) -> None:
+    """It was a CSV of no bytes, and a folder of which `info` said to name the file in it."""
+    path = tmp_path / f"none{kind}"
+    sink = made(path)
+    sink.open()
+    sink.close()
+    if kind == ".csv":
+        assert path.read_text(encoding="utf-8").startswith("t,fx,fy,fz,tx,ty,tz,")
+        assert getattr(contents(path), "rows", None) == 0
+        return
+    with pytest.raises(FileAccessError) as refused:
+        contents(path)
+    assert str(refused.value) == (f"{path}: found an empty folder, expected rows in it: nothing was recorded")

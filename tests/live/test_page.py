@@ -293,3 +293,42 @@ def test_what_is_waited_for_before_a_session_is_the_instruction(browser: Any, ki
     with showing(now) as (_, server), opened(browser, server.url) as page:
         assert seen(page, "#instruction", instruction)
         assert seen(page, "main", "what is waited for")
+
+
+def test_the_run_says_whose_axes_it_shows(browser: Any) -> None:
+    text = "What is exerted on the tool, in the sensor's axes, the torque about the sensor's origin."
+    with showing(snapshot(Phase.RUN)) as (hub, server), opened(browser, server.url) as page:
+        assert seen(page, "#axes").inner_text() == text
+        hub.publish(msgspec.json.encode(snapshot(Phase.CONNECT, T0 + 1.0)))
+        seen(page, "#wrench-title", "Readings")
+        assert page.locator("#axes").is_hidden()
+
+
+def test_events_that_say_the_same_are_one_line(browser: Any) -> None:
+    """And what is counted beside the lost and the repeated is not used, late or wrong."""
+    said = [Event(T0 + k, "late", "warning", ("a", "b")[k == 2], "udp://:9000") for k in range(4)]
+    with showing(snapshot(Phase.RUN, events=tuple(said))) as (_, server), opened(browser, server.url) as page:
+        seen(page, "#events li", "a (udp://:9000) (3 times, this was the last)")
+        lines = page.locator("#events .what").all_inner_texts()
+        assert lines == ["a (udp://:9000) (3 times, this was the last)", "b (udp://:9000)"]
+        last = page.evaluate("t => new Date(1000 * t).toLocaleTimeString([], { hour12: false })", T0 + 3)
+        assert page.locator("#events .time").first.inner_text() == last
+        assert page.locator("#devices .counts").first.inner_text().endswith(" not used")
+
+
+def test_nothing_that_sends_is_nothing_to_go_on_with(browser: Any) -> None:
+    quiet = tuple(msgspec.structs.replace(each, state="silent") for each in snapshot(Phase.CONNECT).devices)
+    with showing(snapshot(Phase.CONNECT, devices=quiet)) as (hub, server), opened(browser, server.url) as page:
+        seen(page, "[data-do=next][aria-disabled=true]")
+        hub.publish(msgspec.json.encode(snapshot(Phase.CONNECT, T0 + 1.0)))
+        seen(page, "[data-do=next][aria-disabled=false]")
+
+
+def test_a_unit_stays_with_its_number_on_a_phone(browser: Any) -> None:
+    with showing(snapshot(Phase.FIT)) as (_, server), opened(browser, server.url, "narrow") as page:
+        seen(page, "#parameters tr")
+        tops = page.evaluate(
+            "[...document.querySelectorAll('#parameters tr')].map((row) => "
+            "[...row.querySelectorAll('td')].map((cell) => cell.getBoundingClientRect().top))"
+        )
+    assert all(max(row) - min(row) < 2.0 for row in tops)

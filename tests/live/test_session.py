@@ -434,3 +434,12 @@ def test_what_happened_is_said_in_the_order_of_its_times() -> None:
     session.outlet_ended("the disk is full", 1.0)
     session.outlet_ended("the disk is full", 3.0)
     assert [event.t for event in session.events()] == [2.0, 2.0, 3.0]
+
+
+def test_a_sample_that_came_at_no_time_is_refused() -> None:
+    """It was an IndexError of a queue."""
+    session = cw.live.Session()
+    session.opened("sensor", SENSOR, 0.0)
+    with pytest.raises(InputError) as refused:
+        session.feed(Batch([Sample(0.0, wrench=(0.0,) * 6), Sample(float("nan"), wrench=(0.0,) * 6)]), None, t=0.1)
+    assert str(refused.value) == "found a sample with arrival=nan, expected s, by the clock of t: say when it came"

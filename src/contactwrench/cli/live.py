@@ -136,7 +136,7 @@ def live(
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
         before.wait_until_compiled()
         if known is not None and not at_sensor.replay:
-            require_devices(known, str(calibration), at_sensor, at_arm)
+            require_devices(known, str(calibration), at_sensor, at_arm, running.ranges)
         session = Session(
             known,
             sensor=sources["sensor"].uri,

@@ -8,13 +8,13 @@ import gc
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
-from importlib.util import find_spec
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
 import typer
 
+from ..errors import has_compiler
 from ..live.snapshot import Event as Said
 from ..live.source import now
 from . import options
@@ -50,7 +50,7 @@ def compile_now(aside: Callable[[], None] | None) -> None:
 
     if aside is not None:
         aside()
-    if find_spec("numba") is not None:
+    if has_compiler():
         compiled()
         settle()
 

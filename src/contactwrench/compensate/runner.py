@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import astuple
 from functools import cache, wraps
 from hashlib import sha256
-from importlib.util import find_spec
 from inspect import getsource
 from math import inf, nan
 from threading import Timer, get_ident
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, MissingExtraError
+from ..errors import InputError, MissingExtraError, has_compiler
 from ..geometry.arrays import Array, numbers, read_only, seconds
 from ..geometry.orientation import OrientationLike, numbers_of
 from ..geometry.ranges import require_seconds
@@ -239,12 +238,14 @@ def steps_of(fast: bool | None) -> type[Plain] | type[Compiled]:
     """Compiled, where numba is installed or that is asked for. Raises `InputError`."""
     if fast not in (None, True, False):
         raise InputError(f"fast is {fast!r}, expected True, False or None: None takes numba where it is installed")
-    return Compiled if fast or (fast is None and find_spec("numba")) else Plain
+    return Compiled if fast or (fast is None and has_compiler()) else Plain
 
 
 @cache
 def compiled() -> Callable[..., int]:
-    """`take` of the step, compiled by numba over records and arrays. Raises `MissingExtraError` without it."""
+    """`take` of the step, compiled by numba over records and arrays. Raises `MissingExtraError` without it, and
+    `InputError` where it is switched off.
+    """
     try:
         import numba
         from numba import types
@@ -253,6 +254,8 @@ def compiled() -> Callable[..., int]:
         raise MissingExtraError(
             "numba is not installed, expected for a compiled step: pip install 'contactwrench[fast]'"
         ) from None
+    if not has_compiler():
+        raise InputError("NUMBA_DISABLE_JIT is set, expected not with fast=True: unset it, or leave fast out")
     for function in KERNEL:
         register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
     state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]

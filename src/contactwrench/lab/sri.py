@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 import struct
+import zlib
+from collections.abc import Mapping
 from time import monotonic
 from typing import Any
 
@@ -32,12 +34,21 @@ FORMS = {
 class Sri(TcpFake):
     """The box, at rest until it is asked for its stream, at `rate` Hz unless a client asks for another. `old`: firmware
     that ends its answers without `$OK` and calls the rate SMPR. `asked`: every command that has come, to see that
-    nobody zeroes the sensor.
+    nobody zeroes the sensor. `keeps`: settings by name that it has and keeps, whatever it is told; `$ERROR`: it
+    does not know the command; an empty text: it says nothing to it. A `DCKMD` of CRC32 ends packets with that.
     """
 
     scheme = "sri"
 
-    def __init__(self, truth: Truth, rate: float = 1000.0, *, old: bool = False, **more: Any) -> None:
+    def __init__(
+        self,
+        truth: Truth,
+        rate: float = 1000.0,
+        *,
+        old: bool = False,
+        keeps: Mapping[str, str] | None = None,
+        **more: Any,
+    ) -> None:
         super().__init__(truth, rate, **more)
         self.asked: list[str] = []
         self._ok, self._rate_name = ("", "SMPR") if old else ("$OK", "SMPF")
@@ -48,6 +59,7 @@ class Sri(TcpFake):
             "DCKMD": "SUM",
             "ADJZF": "",
         }
+        self._keeps = keeps or {}
 
     def wrong_sum(self) -> None:
         """Spoil the sum of a packet."""
@@ -71,8 +83,8 @@ class Sri(TcpFake):
             row = self.truth.wrench_rows(monotonic(), 1, self.clock.rate)
             self._answer(client, self._packet(self.counter, row))
             self.counter += 1
-        else:
-            self._answer(client, f"ACK+{name}={self._setting(name, value)}\r\n".encode())
+        elif said := self._keeps.get(name, self._setting(name, value)):
+            self._answer(client, f"ACK+{name}={said}\r\n".encode())
 
     def _setting(self, name: str, value: str | None) -> str:
         """Answer a question, or take a value."""
@@ -88,10 +100,13 @@ class Sri(TcpFake):
         return f"{self._values[name]}{self._ok}"
 
     def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
-        samples = int(self._values["SGDM"].split(";")[2])
+        kept = self._keeps.get("SGDM", "")
+        samples = int((kept if kept.startswith("(") else self._values["SGDM"]).split(";")[2])
         count = range(0, len(rows), samples)
         return [self._packet(self.counter + k // samples, rows[k : k + samples]) for k in count]
 
     def _packet(self, number: int, rows: Array) -> bytes:
         data = rows.astype("<f4").tobytes()
-        return struct.pack(">HHH", 0xAA55, len(data) + 3, number % WRAPS) + data + bytes([sum(data) % 256])
+        crc = self._keeps.get("DCKMD") == "CRC32"
+        ends = struct.pack(">I", zlib.crc32(data)) if crc else bytes([sum(data) % 256])
+        return struct.pack(">HHH", 0xAA55, 2 + len(data) + len(ends), number % WRAPS) + data + ends

@@ -71,8 +71,11 @@ class Ur(TcpFake):
         return np.concatenate([pose.position + R @ offset[:3], rotation_log(R @ rotation_exp(offset[3:]))])
 
     def _tcp_force(self, at: _Moment) -> Array:
-        """What the robot makes of it: the contact wrench in base axes, the payload taken off."""
-        return (self.truth.true_contact(at.t).reshape(2, 3) @ at.pose.R_base_flange.T).reshape(6)
+        """What the robot makes of it: the contact wrench in base axes, without payload; of a CB3 about the TCP."""
+        force, torque = self.truth.true_contact(at.t).reshape(2, 3)
+        if self._version[0] < 5:
+            torque = torque - np.cross(self._offset[:3], force)
+        return (np.array([force, torque]) @ at.pose.R_base_flange.T).reshape(6)
 
     def _received(self, client: Client) -> None:
         while len(client.inbox) >= HEADER.size:

@@ -12,7 +12,7 @@ from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..model import AXES
 from .rate import Windows
-from .source import About, Batch, DeviceError, EndOfStreamError, NobodyYetError, Source, now
+from .source import About, Batch, DeviceError, EndOfStreamError, NobodyYetError, Six, Source, now
 
 PROBE, COUNTED = (0.7, 0.2), 2
 """s of a window, and the part by which two of them are to be off, and how often that is to be counted: what is held up
@@ -127,19 +127,23 @@ def require_same(uri: str, before: About, about: About) -> None:
         raise DeviceError(f"{uri}: found {found}, expected {expected}, as when the session began: {do}")
 
 
-def require_devices(calibration: Calibration, name: str, sensor: About, robot: About) -> None:
+def require_devices(
+    calibration: Calibration, name: str, sensor: About, robot: About, stated: Six | None = None
+) -> None:
     """Raise `InputError` where a calibration, called `name`, is of another kind of sensor or robot, or exceeds what the
-    sensor can read. A calibration that names none is believed.
+    sensor can read: its ranges as `stated`, else as it states them. A calibration that names none is believed.
     """
     for role, about in (("sensor", sensor), ("robot", robot)):
         known = calibration.provenance.get(OF_DEVICE[role])
         if known is not None and _kind(str(known)) != _kind(about.name):
             raise InputError(f"{name}: found the calibration of {known}, expected one of {about.name}: name its own")
-    if sensor.ranges is not None:
+    if (ranges := stated or sensor.ranges) is not None:
         free = np.abs(calibration.bias) + np.linalg.norm(calibration.B[:, :3], axis=1)
-        over = np.flatnonzero(free > np.array(sensor.ranges))
+        over = np.flatnonzero(free > np.array(ranges))
         if len(over):
-            raise InputError(
-                f"{name}: found {AXES[over[0]]} of a free tool up to {free[over[0]]:.3g}, expected at most the "
-                f"sensor's range, {sensor.ranges[int(over[0])]:.3g}: it is of another sensor"
-            )
+            least = f"{ranges[int(over[0])]:.3g}"
+            expected, do = f"the sensor's range, {least}", "it is of another sensor"
+            if stated:
+                expected, do = f"{least}, as in --ranges", "it, or --ranges, is of another sensor"
+            found = f"{AXES[over[0]]} of a free tool up to {free[over[0]]:.3g}"
+            raise InputError(f"{name}: found {found}, expected at most {expected}: {do}")

@@ -21,7 +21,7 @@ from .session import Session
 from .sink import OpenSink
 from .snapshot import Event as Said
 from .snapshot import Output
-from .source import About, Batch, DeviceError, EndOfStreamError, Note, NoteKind, Source, now
+from .source import HALF_OPEN, About, Batch, DeviceError, EndOfStreamError, Note, NoteKind, Source, now
 
 if TYPE_CHECKING:
     from .page.hub import Ask
@@ -30,8 +30,6 @@ WAITING = 20_000
 """Samples between a reader and the worker: 20 s at 1 kHz, which is more than any fit takes."""
 READ, TURN = 0.1, 0.02
 """s that a reader, and the worker, wait before they look whether they are to end."""
-HALF_OPEN = 1.0
-"""s of silence after which a connection is made anew."""
 AGAIN = 0.4
 """s from one attempt to the next."""
 AHEAD = 1

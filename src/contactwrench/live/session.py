@@ -26,7 +26,7 @@ from .pose_track import NO_PLACE, PoseTrack
 from .running import OF_ROBOT, OF_SENSOR, Options, Runner, shown_contact_wrench, traced
 from .sink import Pose, Reading, Turn
 from .snapshot import Command, Event, Output, Phase, Snapshot
-from .source import About, Batch, Four, Sample, Six
+from .source import About, Batch, Four, Sample, Six, require_arrivals
 from .stillness import Stillness
 from .wizard import Wish, Wizard
 
@@ -142,10 +142,10 @@ class Session:
             InputError: something else than batches of samples, or no time.
         """
         t = number(t, "t")
+        require_arrivals(sensor, robot)
         poses = [] if robot is None else self._robot.take(robot)
         readings = [] if sensor is None else self._sensor.take(sensor)
-        if self._robot is self._sensor:
-            poses = readings
+        poses = readings if self._robot is self._sensor else poses
         turns = [(when, pose) for when, pose in poses if pose.orientation is not None and not pose.flaw]
         known = [(at, pose) for at, pose in turns if self._track.add(at, pose.orientation or NOT_TURNED, pose.position)]
         if self._runner is not None:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 from enum import StrEnum
-from math import nan
+from math import isfinite, nan
 from typing import NamedTuple, Protocol
 
-from ..errors import ContactWrenchError
+from ..errors import ContactWrenchError, InputError
 
 TAKEN_FOR_THE_FLANGE = "taken for the flange's in base axes"
 """What a source says that cannot tell whose pose it is."""
+HALF_OPEN = 1.0
+"""s of silence after which a connection is taken for lost, but of what listens, or is played."""
 _SINCE_1970 = time.time() - time.monotonic()
 
 Six = tuple[float, float, float, float, float, float]
@@ -95,6 +97,14 @@ class Batch:
         """Append what came later."""
         self.notes += [note._replace(before=len(self.samples) + note.before) for note in later.notes]
         self.samples += later.samples
+
+
+def require_arrivals(*batches: Batch | None) -> None:
+    """Raise `InputError` where a sample came at no time, by which all are ordered."""
+    for batch in batches:
+        if isinstance(batch, Batch) and not isfinite(sum(sample.arrival for sample in batch.samples)):
+            bad = next(each.arrival for each in batch.samples if not isfinite(each.arrival))
+            raise InputError(f"found a sample with arrival={bad}, expected s, by the clock of t: say when it came")
 
 
 @dataclass(frozen=True)

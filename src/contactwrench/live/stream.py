@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from ..geometry.arrays import Array, Frozen
-from .source import About, Batch, EndOfStreamError, Note, Source
+from .source import HALF_OPEN, About, Batch, DeviceError, EndOfStreamError, Note, Source, now
 from .uri import source_of
 
 WAIT = 0.1
@@ -24,7 +24,7 @@ class StreamBatch(Frozen):
         t: (n,) s since 1970, when each came.
         device: (n,) s by the device's own clock; NaN where it has none.
         wrench: (n, 6) N and N m; NaN where a sample has none, or is not to be used.
-        orientation: (n, 4) quaternions x, y, z, w of the flange in base axes; NaN where there is none.
+        orientation: (n, 4) quaternions x, y, z, w of the flange in base axes; NaN likewise.
         flaw: (n) why a sample is not to be used, or an empty text.
         notes: what was lost, repeated or garbled.
     """
@@ -42,7 +42,8 @@ class StreamBatch(Frozen):
 
 class Stream:
     """An open source. Iterating gives batches with at least one sample or note, as they come, until it is closed or
-    ends.
+    ends. It raises `DeviceError` where the connection is cut, or a device that is connected to has been silent for a
+    second: close it, and open the device again. A port that others send to has no such silence.
     """
 
     def __init__(self, source: Source) -> None:
@@ -61,6 +62,7 @@ class Stream:
         self.close()
 
     def __iter__(self) -> Iterator[StreamBatch]:
+        waits, last = self.about.replay or self.about.listens, now()
         while not self._closed:
             try:
                 batch = self._source.read(WAIT)
@@ -68,6 +70,10 @@ class Stream:
                 return
             if batch.samples or batch.notes:
                 yield batch_of(batch)
+                last = now()  # whatever was done meanwhile is no silence of the device's
+            elif now() - last > HALF_OPEN and not (waits or self._closed):
+                found = f"nothing for {HALF_OPEN:g} s, expected samples"
+                raise DeviceError(f"{self._source.uri}: found {found}: check its power and cable, and open it again")
 
     def close(self) -> None:
         """End the stream; also from another thread."""
@@ -80,7 +86,7 @@ def batch_of(batch: Batch) -> StreamBatch:
     samples = batch.samples
     no_wrench, no_turn = (np.nan,) * 6, (np.nan,) * 4
     wrench = [no_wrench if each.wrench is None or each.flaw else each.wrench for each in samples]
-    turn = [no_turn if each.orientation is None else each.orientation for each in samples]
+    turn = [no_turn if each.orientation is None or each.flaw else each.orientation for each in samples]
     return StreamBatch(
         np.array([each.arrival for each in samples], dtype=np.float64),
         np.array([each.device for each in samples], dtype=np.float64),
@@ -102,6 +108,6 @@ def open_stream(uri: str) -> Stream:
 
     Raises:
         InputError: no such URI.
-        DeviceError: the device does not answer, or is another.
+        DeviceError: the device does not answer, or is another; from the loop: it was cut off, or silent for a second.
     """
     return Stream(source_of(uri))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-from ..errors import InputError
+from ..errors import ContactWrenchError, InputError
 from .sink import Sink
 from .source import Source
 
@@ -31,6 +31,7 @@ SOURCES: Mapping[str, str] = {
 }
 SINKS: Mapping[str, str] = {"udp": "sinks.lines:UdpLines", "ros2": "sinks.ros2:Ros2", "file": "sinks.file:ContactFile"}
 """By scheme: where in this package the class is. Other packages add theirs as entry points of these groups."""
+OWN = "contactwrench"
 SOURCE_GROUP, SINK_GROUP = "contactwrench.sources", "contactwrench.sinks"
 
 DIGITS = 15
@@ -172,7 +173,20 @@ def _made(text: str, known: Mapping[str, str], group: str) -> Any:
     loaders = schemes(known, group)
     if uri.scheme not in loaders:
         raise InputError(f"{text}: found the scheme {uri.scheme}, expected one of {', '.join(sorted(loaders))}")
-    return loaders[uri.scheme]()(uri)
+    try:
+        return loaders[uri.scheme]()(uri)
+    except ContactWrenchError:
+        raise
+    except Exception as error:
+        points = entry_points(group=group, name=uri.scheme) if uri.scheme not in known else ()
+        packages = [point.dist.name for point in points if point.dist is not None]
+        if packages in ([], [OWN]):
+            raise
+        kind, said = group.rpartition(".")[2].removesuffix("s"), " ".join(str(error).split())
+        found = f"{kind} {uri.scheme} of the package {packages[0]} that failed ({type(error).__name__}: {said})"
+        raise InputError(
+            f"{text}: found the {found}, expected a device: correct the URI, or report it there"
+        ) from error
 
 
 def _own(place: str) -> Any:

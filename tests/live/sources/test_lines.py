@@ -111,6 +111,31 @@ def test_conventions_are_those_of_recordings(
     assert (Rotation.from_quat(np.array(sample.orientation)) * turn.inv()).magnitude() < 1e-12
 
 
+@pytest.mark.parametrize("lost", ["NaN", "null", "Infinity", "-Infinity"])
+def test_a_reading_that_is_lost_is_a_flaw_and_the_stream_goes_on(lost: str) -> None:
+    """As Python's `json.dumps` writes it: 10 s of such lines were no lines."""
+    others = '"fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0'
+    lines = "".join(f'{{"t": {0.1 * k}, "fx": {lost if k == 1 else k}, {others}}}\n' for k in range(3))
+    batch = decoded(lines)
+    assert batch.notes == []
+    assert [sample.flaw for sample in batch.samples] == ["", "broken: no number", ""]
+    assert [sample.device for sample in batch.samples] == pytest.approx([0.0, 0.1, 0.2])
+    row = decoded(f"t,{WRENCH}\n0.1,nan,0,0,0,0,0\n")
+    assert only(row).flaw == "broken: no number"
+    both = decoded(f'{{"t": 1, "fx": {lost}, {others}, "qx": 0, "qy": 0, "qz": {lost}, "qw": 1}}\n')
+    assert only(both).flaw == "broken: no number"
+
+
+def test_what_is_no_json_otherwise_is_no_sample() -> None:
+    batch = decoded('{"fx": NaNo, "fy": 0}\n{"NaN": NaN}\n{"qx": NaN, "qy": 0, "qz": 0, "qw": 1}\n')
+    assert batch.samples == []
+    assert [note.text for note in batch.notes] == [
+        "a line of 21 bytes that is no sample",
+        "a line of 12 bytes that is no sample",
+        "a line without a whole orientation",
+    ]
+
+
 def test_wrench_and_orientation_may_have_a_line_each() -> None:
     six = '"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0'
     batch = decoded(f'{{"t": 1, {six}}}\n{{"t": 1, "qx": 0, "qy": 0, "qz": 0, "qw": 1}}\n{{"t": 1.002, {six}}}\n')

@@ -129,6 +129,14 @@ def test_a_page_without_numbers_is_refused(tag: str, said: str, found: str) -> N
         assert found in refusal(source_of(f"netft://127.0.0.1?http={port}"))
 
 
+def test_an_answer_is_shown_as_it_is_and_escaped_once() -> None:
+    with answering(b"<!DOCTYPE HTML>\n<html>") as port:
+        assert refusal(source_of(f"ur://127.0.0.1:{port}")) == (
+            f"ur://127.0.0.1:{port}: found an answer that begins '<!DOCTYPE HTML>\\u000a<html>', expected an RTDE "
+            "server: check that this is the robot's controller, RTDE switched on"
+        )
+
+
 def test_a_controller_with_another_version_is_no_robot() -> None:
     with answering(struct.pack(">HBB", 4, ord("V"), 1), struct.pack(">HBI", 7, ord("v"), 5)) as port:
         assert "found an answer that begins" in refusal(source_of(f"ur://127.0.0.1:{port}"))

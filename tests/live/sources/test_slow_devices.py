@@ -15,11 +15,11 @@ from contactwrench.lab.netft import NetFt
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.ur import Ur
 from contactwrench.live.devices import probed
-from contactwrench.live.source import Batch
+from contactwrench.live.source import Batch, NoteKind
 from contactwrench.live.sources import transport
-from contactwrench.live.sources.ft300 import OLD, Ft300Decoder
+from contactwrench.live.sources.ft300 import OLD, Ft300Decoder, crc
 from contactwrench.live.uri import source_of
-from tests.support.devices import numbered, read, refusal
+from tests.support.devices import answering, numbered, read, refusal
 
 SLOW = 3.2
 """s until it says something."""
@@ -113,8 +113,51 @@ def test_a_gateway_to_a_serial_line_gives_what_that_can() -> None:
         early.add(read(source, 1.0))
         source.close()
     assert about.rate is None
+    assert float(about.settings["rate"].removesuffix(" Hz")) > 25.0
     assert 20 < len(early.samples) < 60
     assert not any(sample.flaw for sample in early.samples)
+
+
+@pytest.mark.parametrize("late", [0.2, 0.6])
+def test_a_gateway_that_is_very_slow_is_said(late: float) -> None:
+    """Five samples a second were taken without a word."""
+    with Ft300(numbered()) as fake:
+        fake.late(late)
+        source = source_of(fake.uri)
+        rate, _, said = source.open().settings["rate"].partition(" ")
+        source.close()
+    assert 1 <= float(rate) <= 6
+    assert said == "Hz of the 100 that it can: let one program alone ask, or take a faster gateway"
+
+
+@pytest.mark.parametrize(
+    ("code", "meaning"),
+    [(2, "it has no such registers"), (11, "the gateway gets no answer from it"), (99, "of no known meaning")],
+)
+def test_a_modbus_exception_is_said(code: int, meaning: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was no answer."""
+    monkeypatch.setattr(transport, "PATIENCE", 1.3)
+    with answering(*[bytes([0, 1, 0, 0, 0, 3, 9, 0x83, code])] * 9) as port:
+        assert refusal(source_of(f"ft300://127.0.0.1:{port}")) == (
+            f"ft300://127.0.0.1:{port}: found Modbus exception {code} ({meaning}), expected six Modbus registers from "
+            "180 on: check that the Robotiq FT 300 is behind it, as unit 9, with power"
+        )
+
+
+@pytest.mark.parametrize("serial", [False, True])
+def test_a_modbus_exception_between_readings_is_a_status(serial: bool) -> None:
+    """And what looks like one within a reading is none."""
+    decoder, batch, reading = Ft300Decoder(serial), Batch(), answer(1)[:9] + b"\0\3\x09\x83\x02" + bytes(7)
+    refused = answer(1)[:4] + bytes([0, 3, 9, 0x83, 2])
+    whole = [reading, refused, reading]
+    if serial:
+        whole = [each[6:] + crc(each[6:]) for each in whole]
+    for each in b"".join(whole):
+        decoder.feed(bytes([each]), 1.0, batch)
+    assert [(note.kind, note.text) for note in batch.notes] == [
+        (NoteKind.STATUS, "Modbus exception 2 (it has no such registers)")
+    ]
+    assert [sample.wrench[1] for sample in batch.samples if sample.wrench] == [24.35, 24.35]
 
 
 def answer(number: int) -> bytes:

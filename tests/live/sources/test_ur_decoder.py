@@ -10,10 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from contactwrench.geometry.arrays import Array
+from contactwrench.lab.sockets import Client
+from contactwrench.lab.truth import Plain
+from contactwrench.lab.ur import Ur
 from contactwrench.live.source import Batch, NoteKind
 from contactwrench.live.sources.rtde import Recipe
 from contactwrench.live.sources.ur import COMPENSATED, RAW, UrDecoder
+from contactwrench.live.uri import source_of
 from tests.live.sources.test_sri_decoder import pieces_of
+from tests.support.devices import refusal
 
 NAMES = ["timestamp", "actual_TCP_pose", "tcp_offset", "actual_q", "safety_status", "robot_mode", RAW]
 TYPES = ["DOUBLE", *["VECTOR6D"] * 3, "INT32", "INT32", "VECTOR6D"]
@@ -37,6 +43,47 @@ def decoded(pieces: list[bytes], wrench: str = RAW) -> Batch:
     for k, piece in enumerate(pieces):
         decoder.feed(piece, 50.0 + 2e-3 * k, batch)
     return batch
+
+
+class Pushed(Plain):
+    """A signal that is touched."""
+
+    def true_contact(self, t: float) -> Array:
+        """In flange axes, about the flange."""
+        return np.array([1.0, -2.0, 3.0, 0.1, 0.2, -0.3])
+
+
+@pytest.mark.parametrize(
+    ("cb3", "said"),
+    [
+        (True, "moved from the TCP, about which a CB3 says it, to the flange"),
+        (False, "about the flange, as an e-series says it; of a sensor that a URCap feeds in, it may be about the TCP"),
+    ],
+)
+def test_the_compensated_torque_is_about_the_flange(cb3: bool, said: str) -> None:
+    """Of a CB3 it stayed about the TCP, off by the offset times the force."""
+    with Ur(Pushed(), cb3=cb3, tcp_offset=(0.01, 0.1, 0.2, 0.3, 0.5, 0)) as fake:
+        source = source_of(f"{fake.uri}?force=compensated")
+        about = source.open()
+        wrench = source.read(1.0).samples[0].wrench
+        source.close()
+    assert about.settings["torque"] == said
+    assert wrench == pytest.approx(Pushed().true_contact(0.0), abs=1e-9)
+
+
+def test_a_field_in_use_is_said() -> None:
+    """It was left out, or PolyScope was to be updated."""
+
+    class Used(Ur):
+        def _set_up(self, client: Client, payload: bytes) -> bytes:
+            names = payload[8:].split(b",")
+            return b"\0" + b",".join(b"IN_USE" if each == b"tcp_offset" else b"DOUBLE" for each in names)
+
+    with Used(Plain()) as fake:
+        assert refusal(source_of(fake.uri)) == (
+            f"{fake.uri}: found tcp_offset in use by another client of RTDE, expected it free: "
+            "end that one, or its input"
+        )
 
 
 six = st.tuples(*[st.floats(-1.5, 1.5)] * 6)

@@ -15,7 +15,7 @@ from typing import Any
 from ...errors import FileFormatError
 from ...files import cause_named, file_of
 from ...recording.bags.write import nanoseconds, stamped
-from ...recording.tables.write import columns_of, csv_header, csv_lines
+from ...recording.tables.write import JUDGEMENT, NAMES, columns_of, csv_lines
 from ..sink import Turn
 from ..uri import Uri
 from .growing import Growing, GrowingMcap, GrowingParquet, GrowingText, Message, text_message
@@ -33,6 +33,8 @@ class GrowingFile(ABC):
     """Turns are put together in portions, and written each half second: it is enough to be given them now and then."""
 
     waits = gathers = True
+    HEADER = ""
+    """Of CSV, its line's end with it."""
 
     def __init__(self, path: Path) -> None:
         if path.suffix.lower() not in FORMATS:
@@ -40,7 +42,7 @@ class GrowingFile(ABC):
         self.uri, self._path, self._kind = str(path), path, FORMATS[path.suffix.lower()]
         self.written = self.dropped = 0
         self._kept: list[Turn] = []
-        self._unwritten, self._more = 0, False
+        self._unwritten, self._more, self._begun = 0, False, False
         self._added = self._wrote = monotonic()
         self._file: Growing | None = None
 
@@ -73,6 +75,9 @@ class GrowingFile(ABC):
                     stack.callback(self._file.close)
                 stack.callback(self._write)
                 self._add()
+                if isinstance(self._file, GrowingText) and not self._begun:
+                    self._file.add(self.HEADER)  # no row came: a table without rows can be read, no bytes cannot
+                    self._more = True
         finally:
             self._file = None
             self.dropped, self._unwritten = self.dropped + self._unwritten, 0
@@ -92,7 +97,9 @@ class GrowingFile(ABC):
                 case GrowingParquet() if rows:
                     self._file.add(self._columns(turn))
                 case GrowingText():
-                    self._file.add("".join(self._lines(turn)))
+                    header = self.HEADER if rows and not self._begun else ""
+                    self._file.add("".join([header, *self._lines(turn)]))
+                    self._begun |= bool(rows)
         self.dropped, self._unwritten = self.dropped - rows, self._unwritten + rows
 
     def _write(self) -> None:
@@ -117,7 +124,7 @@ class GrowingFile(ABC):
 
     @abstractmethod
     def _lines(self, turn: Turn) -> Iterator[str]:
-        """What CSV gets, with a header before the first row."""
+        """What CSV gets below the header."""
 
 
 class ContactFile(GrowingFile):
@@ -129,10 +136,11 @@ class ContactFile(GrowingFile):
     ABOUT = "contact wrenches, in the columns of compensate; what is a second old survives a crash"
     RATE = "the sensor's"
     TESTED = "read again, also after kill -9"
+    HEADER = ",".join(["t", *NAMES, *JUDGEMENT]) + "\n"
 
     def __init__(self, uri: Uri) -> None:
         super().__init__(Path(uri.text.partition(":")[2]))
-        self._begun, self._said = False, ""
+        self._said = ""
 
     def _rows_of(self, turn: Turn) -> int:
         return 0 if turn.contact is None else len(turn.contact)
@@ -157,7 +165,4 @@ class ContactFile(GrowingFile):
 
     def _lines(self, turn: Turn) -> Iterator[str]:
         if turn.contact is not None:
-            if not self._begun:
-                yield csv_header(turn.contact)
-            self._begun = True
             yield from csv_lines(turn.contact)

@@ -36,9 +36,11 @@ class Recorder(GrowingFile):
     have one, is a NaN there, and its numbers stand as text behind the reason: column `flaw`, topic `/flaw`.
     """
 
+    HEADER = ",".join(NAMES) + "\n"
+
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._begun = self._posed = False
+        self._posed = False
         self._pose_t, self._position = np.empty(0), np.empty((0, 3))
 
     def _rows_of(self, turn: Turn) -> int:
@@ -73,9 +75,6 @@ class Recorder(GrowingFile):
 
     def _lines(self, turn: Turn) -> Iterator[str]:
         *numbers, flaws = self._columns(turn).values()
-        if not self._begun and len(turn.t):
-            self._begun = True
-            yield ",".join(NAMES) + "\n"
         cells = (*(column.tolist() for column in numbers), map(quoted, flaws))
         yield ROW * len(turn.t) % tuple(chain.from_iterable(zip(*cells, strict=True)))
 

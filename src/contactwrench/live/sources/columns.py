@@ -21,6 +21,7 @@ from ..source import Batch, Four, Note, NoteKind, Sample, Six, Three
 
 FOUR = 0.01
 """By how much a quaternion's length may be off 1, as in a recording."""
+NO_NUMBER = "broken: no number"
 LEAPS = 10
 """Lines in a row whose times are further apart than they can be: one is a clock that was set."""
 
@@ -72,14 +73,17 @@ class NamedColumns:
                 device = self._first + fresh  # kinds of lines that begin at different times have one clock
             else:
                 device = nan
-            wrench = cast(Six | None, _whole(_in_si(row, roles.wrench)))
+            reading = _in_si(row, roles.wrench)
+            wrench = cast(Six | None, _whole(reading))
             position = cast(Three | None, _whole(_in_si(row, roles.position)))
             flaw = "saturated: said by the sender" if any(row[each.place] > 0.0 for each in roles.saturated) else ""
             if wrench or turn:
                 flaw = flaw or leap
                 batch.samples.append(Sample(arrival, device, wrench, turn, position, flaw=flaw))
+            elif reading:  # the sender has lost one, and goes on
+                batch.samples.append(Sample(arrival, device, cast(Six, reading), flaw=NO_NUMBER))
             else:
-                batch.notes.append(Note(NoteKind.GARBAGE, "a line without a whole wrench or orientation"))
+                batch.notes.append(Note(NoteKind.GARBAGE, "a line without a whole orientation"))
 
     def _leap(self, device: float, arrival: float) -> str:
         """What is wrong with times that go on in another unit than s, which no clock does; else an empty text."""

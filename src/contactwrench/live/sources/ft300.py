@@ -21,6 +21,19 @@ QUESTION = Struct(">BBHH").pack(UNIT, 3, 180, 6)
 """Registers 180 to 185 hold forces in 0.01 N and torques in 0.001 N m (Robotiq's manual)."""
 _registers = Struct(">6h")
 ANSWER = bytes([UNIT, 3, _registers.size])
+REFUSAL = bytes([UNIT, 0x83])
+REFUSALS = {
+    1: "it does not know the question",
+    2: "it has no such registers",
+    3: "it takes no such number of them",
+    4: "it has failed",
+    6: "it is busy",
+    10: "the gateway has no way to it",
+    11: "the gateway gets no answer from it",
+}
+"""What a Modbus exception begins with, and what its code says of the device."""
+COUNTED, SLOW = 0.4, 25.0
+"""s for which samples are counted at opening, and Hz, a half of what a serial line can, below which that is said."""
 AGAIN, WITHIN = 0.5, 0.02
 """s without an answer after which the question is asked again; and, by a serial line, without the rest of one, which an
 adapter to USB may hold for 16 ms: what comes 60 ms after the last sample would be taken for late.
@@ -39,6 +52,8 @@ class Ft300Decoder:
         self._serial, self._buffer = serial, b""
         self._number, self._unanswered = 0, set[bytes]()
         self._before, self._after = (0, 2) if serial else (6, 0)
+        self.refused = ""
+        """What the last exception said."""
 
     def number(self, unanswered: bool) -> bytes:
         """Of the next question, by TCP; whether the one before is `unanswered`: its answer, which may come yet, is told
@@ -66,9 +81,21 @@ class Ft300Decoder:
                 self._unanswered.discard(number)
             self._note_garbage(max(start - self._before, 0), batch)
             buffer = buffer[end + self._after :]
+        buffer = self._without_refusal(buffer, batch) if start < 0 else buffer
         keep = size + self._before + self._after
         self._note_garbage(max(len(buffer) - keep, 0), batch)
         self._buffer = buffer[-keep:]
+
+    def _without_refusal(self, buffer: bytes, batch: Batch) -> bytes:
+        """What stands behind a Modbus exception, which is noted: no registers, but the reason why there are none."""
+        start = buffer.find(REFUSAL if self._before == 0 else b"\0\3" + REFUSAL)
+        at = start + len(REFUSAL) + (2 if self._before else 0)
+        if start < 0 or len(buffer) <= at + self._after:
+            return buffer
+        code = buffer[at]
+        self.refused = f"Modbus exception {code} ({REFUSALS.get(code, 'of no known meaning')})"
+        batch.notes.append(Note(NoteKind.STATUS, self.refused))
+        return buffer[at + 1 + self._after :]
 
     def give_up(self, batch: Batch) -> None:
         """Leave what has come of an answer that does not come whole."""
@@ -135,9 +162,31 @@ class Ft300(Reader[Tcp | Serial]):
         self._asked, self._due, self._heard = False, monotonic(), 0.0
         self._answers = Ft300Decoder(bool(self._path))
         self._begin(self._answers)
-        self._first(deadline, lambda: self._link.silent("six Modbus registers from 180 on"))
+        early = self._first(deadline, self._no_registers)
+        if not self._path:
+            settings["rate"] = self._counted(early)
         # no rate: what a serial line can, behind Modbus TCP too, is its own
         return About("Robotiq FT 300", wrench=True, orientation=False, ranges=RANGES, settings=settings)
+
+    def _no_registers(self) -> DeviceError:
+        """What is raised where no answer is a reading."""
+        expected = "six Modbus registers from 180 on"
+        if not self._answers.refused:
+            return self._link.silent(expected)
+        do = f"check that the Robotiq FT 300 is behind it, as unit {UNIT}, with power"
+        return self._link.error(self._answers.refused, expected, do)
+
+    def _counted(self, early: Batch) -> str:
+        """At which rate samples come: it is nowhere stated."""
+        counting, self._early = self._link.deadline(COUNTED), Batch()
+        while counting.left:
+            early.add(self.read(counting.left))
+        samples = early.samples
+        self._early = Batch(samples[-1:], early.notes)  # what is older is of no use to anybody
+        passed = max(samples[-1].arrival - samples[0].arrival, COUNTED if len(samples) < 2 else 1e-3)
+        rate = max(len(samples) - 1, 1) / passed
+        slow = f" of the {RATE:.0f} that it can: let one program alone ask, or take a faster gateway"
+        return f"{rate:.0f} Hz{slow if rate < SLOW else ''}"
 
     def _stream_ended(self, deadline: Deadline) -> dict[str, str]:
         """End the stream in which another program has left the sensor; what is to be said of that."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
@@ -24,6 +25,7 @@ from .transport import LISTENS, Deadline, Tcp
 
 LONGEST, SHOWN = 65_536, 60
 """Bytes of a line, and of one that is shown."""
+_no_number = re.compile(rb"(?<=[\s:,[])-?(?:NaN|Infinity)(?=[\s,\]}])").sub
 MOST_KINDS = 16
 """Sets of names that are remembered."""
 OTHERS = 0.3
@@ -77,7 +79,7 @@ class LinesDecoder:
     def _row(self, line: bytes) -> tuple[NamedColumns | None, Sequence[float]]:
         """The numbers of a line and what they are; nothing of a header or comment. Raises `ValueError`."""
         if line.startswith(b"{"):
-            values = _flat(msgspec.json.decode(line))
+            values = _flat(_object(line))
             return self._kind(tuple(values)), list(values.values())
         text = line.decode()
         if text.startswith("#"):
@@ -119,6 +121,14 @@ class LinesDecoder:
                 self._kinds.clear()
             found = self._kinds[names] = NamedColumns(names, self._naming, self._rate)
         return found
+
+
+def _object(line: bytes) -> Any:
+    """What a line of JSON holds; Python's NaN and Infinity, which no JSON has, as null. Raises `ValueError`."""
+    try:
+        return msgspec.json.decode(line)
+    except msgspec.DecodeError:
+        return msgspec.json.decode(_no_number(b"null", line))
 
 
 def _flat(values: Any) -> dict[str, float]:
@@ -168,7 +178,7 @@ class _Lines(Reader[AnyLink]):
         except DeviceError:
             if not (line := (decoder.refused or decoder.rest)[:SHOWN]):
                 raise
-            found = f"the line {visible(line.decode('latin-1'))!r}"
+            found = f"the line '{visible(line.decode('latin-1'))}'"
             do = "name what it sends so, or state ?columns=t,fx,fy,fz,tx,ty,tz,.."
             raise self._link.error(found, EXPECTED, do) from None
         others = self._link.deadline(OTHERS)

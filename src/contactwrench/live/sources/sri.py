@@ -7,8 +7,9 @@ from math import isfinite
 from struct import Struct
 from time import monotonic
 
+from ...errors import visible
 from ..counter import Counter
-from ..source import About, Batch, Note, NoteKind, Sample, Six
+from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six
 from ..uri import Uri
 from .reader import NOT_AGAIN, ZEROED, Reader
 from .transport import Deadline, Tcp
@@ -20,9 +21,18 @@ MODULUS = 1 << 16
 HEADER = b"\xaa\x55\x00\x1b"
 """What a packet begins with, and the length of what follows: a number, six floats, a sum."""
 SIZE = 31
+SEEN = 4_096
+"""Bytes from before the first packet that are kept, to say what they are."""
 _number, _floats = Struct(">4xH").unpack_from, Struct("<6f").unpack_from
 CHANNELS = "SGDM=(A01,A02,A03,A04,A05,A06);E;1;(WMA:1)"
 """Engineering units, one sample a packet, no moving average."""
+SUMS = "DCKMD=SUM"
+COUNTS = re.compile(r"\(.*\);C;").match
+"""Of the answer about channels: AD counts, which are no N and N m."""
+UNIT = re.compile(r"(?!ERROR)[A-Z/]+").fullmatch
+ERROR, SHOWN = "ERROR", 60
+"""What a box answers that refuses; and characters of an answer that are shown."""
+NOT_CONFIRMED = "not confirmed by the box"
 EXPECTED = "ACK+ and a value, as an SRI box answers"
 OBEYS = 0.3
 """s for a command that an older box may not know, and twice as long as the first two took, which all boxes know: on a
@@ -41,10 +51,12 @@ class SriDecoder:
     def __init__(self, rate: float) -> None:
         self._buffer = b""
         self._counter = Counter(1.0 / rate, MODULUS)
-        self._streaming = False
+        self._streaming, self._seen = False, b""
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
         """Put what is whole into the batch, and keep the rest."""
+        if not self._streaming:
+            self._seen = (self._seen + data)[-SEEN:]
         buffer = self._buffer + data
         at, skipped = 0, 0
         while (start := buffer.find(HEADER, at)) >= 0 and len(buffer) - start >= SIZE:
@@ -66,6 +78,16 @@ class SriDecoder:
         keep = start if start >= 0 else max(len(buffer) - len(HEADER) + 1, at)
         self._skipped(skipped + keep - at, batch)
         self._buffer = buffer[keep:]
+
+    def instead(self) -> str:
+        """What came in place of two samples; empty: nothing that looks like packets."""
+        if self._streaming:
+            return "no two packets with numbers of their own"
+        for head in re.finditer(rb"\xaa\x55(..)", self._seen, re.DOTALL):
+            size = len(head[0]) + int.from_bytes(head[1])
+            if self._seen.startswith(head[0], head.start() + size):
+                return "packets whose sums are all wrong" if size == SIZE else f"packets of {size} bytes"
+        return ""
 
     def _sample(self, buffer: bytes, start: int, arrival: float, batch: Batch) -> None:
         self._streaming = True
@@ -103,18 +125,42 @@ class Sri(Reader[Tcp]):
         self._link.connect(*self._at, deadline)
         self._answers, begun = b"", monotonic()
         self._link.send(b"AT+GSD=STOP\r\n")
-        address = self._ask("EIP=?", deadline, needed=True)
+        address = self._ask("EIP=?", deadline, needed=True).replace(ERROR, "") or "not told"
         self._obeys = OBEYS + 2.0 * (monotonic() - begun)
         rate = self._set_rate(deadline)
-        settings = {"address of the box": address or "not told"}
+        told = {"address of the box": address, **self._channels(deadline), **self._matrix(deadline)}
         zero = self._zero and not self._zeroed
-        for command in (CHANNELS, "DCKMD=SUM", *(["ADJZF=1;1;1;1;1;1"] if zero else [])):
-            settings[command] = "done" if self._ask(command, self._soon(deadline)) else "not confirmed by the box"
-        settings |= {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
+        for command in (SUMS, *(["ADJZF=1;1;1;1;1;1"] if zero else [])):
+            told[command] = _outcome(command, self._ask(command, self._soon(deadline)))
+        told |= {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
         self._zeroed = self._zero
-        self._begin(SriDecoder(rate or self._asked or USUAL_RATE))
+        self._begin(decoder := SriDecoder(rate or self._asked or USUAL_RATE))
         self._link.send(b"AT+GSD\r\n")
-        return About("SRI M8128", wrench=True, orientation=False, rate=self._asked or rate, settings=settings)
+        self._first(deadline, lambda: self._no_samples(decoder.instead()), 2)
+        return About("SRI M8128", wrench=True, orientation=False, rate=self._asked or rate, settings=told)
+
+    def _channels(self, deadline: Deadline) -> dict[str, str]:
+        """Have it send N and N m, and what it says to that. Raises `DeviceError`: it sends counts."""
+        said = self._ask(CHANNELS, self._soon(deadline))
+        if said in ("", ERROR):  # it stays as it is, and may say how that is
+            said = self._ask("SGDM=?", self._soon(deadline)) or said
+        if COUNTS(said):
+            do = f"set AT+{CHANNELS} in its maker's program, with the sensor's decoupling matrix"
+            raise self._link.error(f"AD counts ({said})", "N and N m", do)
+        doubt = ", so whether it sends N and N m is not known" * (said in ("", ERROR))
+        return {CHANNELS: _outcome(CHANNELS, said) + doubt}
+
+    def _matrix(self, deadline: Deadline) -> dict[str, str]:
+        """In which unit its decoupling matrix is; all known programs set MVPV, mV/V."""
+        said = self._ask("DCPCU=?", self._soon(deadline)).upper()
+        return {"unit of its decoupling matrix": said if UNIT(said) else "not told"}
+
+    def _no_samples(self, instead: str) -> DeviceError:
+        """What is raised where it sends no stream that can be read."""
+        if not instead:
+            return self._link.silent("packets after AT+GSD")
+        do = f"set AT+{SUMS} and AT+{CHANNELS} in its maker's program"
+        return self._link.error(instead, f"packets of {SIZE}, one sample of six channels, a number and a sum", do)
 
     def _soon(self, deadline: Deadline) -> Deadline:
         """For a command that an older box may not know."""
@@ -130,7 +176,7 @@ class Sri(Reader[Tcp]):
         return None
 
     def _ask(self, command: str, deadline: Deadline, needed: bool = False) -> str:
-        """The value that the box answers to a command, empty where it does not know it. Raises `DeviceError`."""
+        """The value that the box answers to a command, `ERROR`; empty: nothing. Raises `DeviceError`."""
         self._link.send(f"AT+{command}\r\n".encode())
         name = command.partition("=")[0].encode()
         answer = re.compile(rb"ACK\+" + name + rb"=([^\r\n]*)\r?\n")
@@ -142,8 +188,17 @@ class Sri(Reader[Tcp]):
             self._answers += b"".join(self._link.receive(deadline.left))
             self._refuse_another()
         self._answers = self._answers[found.end() :]
-        return found[1].decode("latin-1").replace("$OK", "") if b"ERROR" not in found[1] else ""
+        said = visible(found[1].decode("latin-1")).replace("$OK", "").replace(" ", "")
+        return ERROR if ERROR in said else said[:SHOWN]
 
     def _refuse_another(self) -> None:
         if len(self._answers) > 15 and b"ACK+" not in self._answers and HEADER[:2] not in self._answers:
             raise self._link.another(self._answers, EXPECTED)
+
+
+def _outcome(command: str, said: str) -> str:
+    """Of a command, by what the box said to it; a box that zeroes itself says anything."""
+    if not said or said == ERROR:
+        return "refused by the box" if said else NOT_CONFIRMED
+    name, _, value = command.partition("=")
+    return "done" if said == value or name == "ADJZF" else f"the box has {said}"

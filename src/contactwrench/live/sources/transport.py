@@ -96,7 +96,7 @@ class Link(ABC):
     def another(self, answer: bytes, expected: str) -> DeviceError:
         """What is raised where something else answers."""
         seen = visible(answer[:24].decode("latin-1"))
-        return self.error(f"an answer that begins {seen!r}", expected, f"check that this is the {self._device}")
+        return self.error(f"an answer that begins '{seen}'", expected, f"check that this is the {self._device}")
 
     def silent(self, expected: str) -> DeviceError:
         """What is raised where nothing answers."""

@@ -38,9 +38,15 @@ SAFETY = {
 BROKEN = (8, 9)
 MODES = {-1: "no controller", 0: "disconnected", 1: "confirm safety", 2: "booting", 3: "power off", 4: "power on"}
 """Those in which the joints' angles are not told."""
+TORQUE = {
+    "e": "about the flange, as an e-series says it; of a sensor that a URCap feeds in, it may be about the TCP",
+    "moved": "moved from the TCP, about which a CB3 says it, to the flange",
+    "told": "about the TCP, whose offset is not told",
+}
+"""Of `actual_TCP_force`, as Universal Robots' own driver has it."""
 CONTROLLER = Struct(">4I")
 _frequency = Struct(">d").pack
-EXPECTED = "an RTDE server"
+EXPECTED, IN_USE = "an RTDE server", "IN_USE"
 
 
 class UrDecoder:
@@ -50,14 +56,15 @@ class UrDecoder:
         recipe: of the data packages.
         rate: Hz asked for.
         wrench: the field of the wrench, or an empty text.
+        at_tcp: its torque is about the TCP, and is moved to the flange.
     """
 
-    def __init__(self, recipe: rtde.Recipe, rate: float, wrench: str) -> None:
+    def __init__(self, recipe: rtde.Recipe, rate: float, wrench: str, at_tcp: bool = False) -> None:
         self._recipe, self._buffer = recipe, b""
         self._size = len(recipe.header) + recipe.struct.size
         self._counter = Counter(1e-6, step=round(1e6 / rate), learns=True)
         self._wrench = recipe.places.get(wrench)
-        self._to_flange = wrench == COMPENSATED
+        self._to_flange, self._at_tcp = wrench == COMPENSATED, at_tcp
         self._states = {name: recipe.places[name].start for name in STATES if name in recipe.places}
         self._state: tuple[float, ...] = ()
         self._flaw, self._said = "", False
@@ -109,15 +116,18 @@ class UrDecoder:
         if device is None:
             return
         x, y, z, *vector = values[places["actual_TCP_pose"]]
-        turn, position = from_rotation_vector(*vector), (x, y, z)
+        turn, position, lever = from_rotation_vector(*vector), (x, y, z), (0.0, 0.0, 0.0)
         if "tcp_offset" in places and any(offset := values[places["tcp_offset"]]):
             turn = product(turn, inverse(from_rotation_vector(*offset[3:])))
-            dx, dy, dz = rotated(turn, offset[:3])
+            lever = dx, dy, dz = rotated(turn, offset[:3])
             position = x - dx, y - dy, z - dz
         joints = values[places["actual_q"]] if "actual_q" in places else None
         wrench: Six | None = None
         if self._wrench is not None:
             fx, fy, fz, tx, ty, tz = wrench = values[self._wrench]
+            if self._at_tcp:  # all in base axes
+                dx, dy, dz = lever
+                tx, ty, tz = tx + dy * fz - dz * fy, ty + dz * fx - dx * fz, tz + dx * fy - dy * fx
             if self._to_flange:
                 back = inverse(turn)
                 wrench = *rotated(back, (fx, fy, fz)), *rotated(back, (tx, ty, tz))
@@ -144,7 +154,7 @@ class Ur(Reader[Tcp]):
     FORM = "ur://HOST[:30004][?rate=HZ][&force=compensated]"
     ABOUT = (
         "Universal Robots CB3 and e-series: orientation, position, joints, and in flange axes the raw wrench of an "
-        "e-series (5.9 and newer); force=compensated: the wrench with the payload subtracted by the robot"
+        "e-series (5.9 and newer); force=compensated: the wrench about the flange with the payload subtracted by it"
     )
     RATE = "as asked for, else 500 Hz (CB3: 125 Hz)"
     TESTED = "its fake in the lab, written from the RTDE guide; no robot"
@@ -176,7 +186,8 @@ class Ur(Reader[Tcp]):
         wrench = self._force if self._force in recipe.places else ""
         if self._ask(rtde.START, b"", deadline) != b"\x01":
             raise self._link.error("a refusal to start", "data", "end another program that uses RTDE's outputs")
-        self._begin(decoder := UrDecoder(recipe, rate, wrench))
+        at_tcp = wrench == COMPENSATED and version[0] < 5
+        self._begin(decoder := UrDecoder(recipe, rate, wrench, at_tcp))
         decoder.feed(self._answers, now(), self._early)
         seen = self._first(deadline, lambda: self._link.silent("data packages")).samples[0].wrench
         if wrench == RAW and seen is not None and max(map(abs, seen[:3])) > NO_SENSOR:
@@ -193,6 +204,11 @@ class Ur(Reader[Tcp]):
             types = answer[1:].decode("ascii", "replace").split(",")
             if len(types) != len(names):
                 raise self._link.another(answer, EXPECTED)
+            if IN_USE in types:
+                name = names[types.index(IN_USE)]
+                raise self._link.error(
+                    f"{name} in use by another client of RTDE", "it free", "end that one, or its input"
+                )
             missing = [name for name, kind in zip(names, types, strict=True) if kind not in rtde.FORMS]
             if not missing:
                 return rtde.Recipe(answer[0], names, types)
@@ -225,5 +241,6 @@ def _about(version: tuple[int, ...], rate: float, wrench: str, recipe: rtde.Reci
     }
     if wrench == COMPENSATED:
         settings["compensated"] = "the robot has subtracted its payload and its zero: not what the sensor reads"
+        settings["torque"] = TORQUE["e" if version[0] >= 5 else "moved" if "tcp_offset" in recipe.places else "told"]
     name = f"Universal Robots {series}, PolyScope {'.'.join(map(str, version[:3]))}"
     return About(name, bool(wrench), True, rate, settings=settings)

@@ -230,6 +230,7 @@ export function drawConvergence(canvas, poses) {
   const x = (n) => left + ((n - 1) / (most - 1)) * (right - left);
   const y = (std) => bottom - ((Math.log10(std) - low) / (high - low)) * (bottom - top);
   write(g, "std of the contact force, N", 6, 13, c.text);
+  write(g, "poses", 6, height - 8, c.text);
   for (let power = low; power <= high; power++) {
     line(g, [[left, y(10 ** power)], [right, y(10 ** power)]], c.line, 1);
     write(g, String(Number((10 ** power).toPrecision(2))), left - 6, y(10 ** power) + 4, c.soft, "right");

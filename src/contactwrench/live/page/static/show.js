@@ -167,6 +167,9 @@ function labelOf(what, now) {
   return { back, record, retake: "Press again from the start", skip: "Skip", capture: "Take this pose", save: "Save", zero: "Zero", next: `Next: ${next.toLowerCase()}` }[what];
 }
 
+// While no device sends there is nothing to go on with.
+const mayGoOn = (now) => now.phase !== "connect" || now.devices.some((device) => device.state === "streaming");
+
 function showActions(now, ask) {
   const wanted = [...USUAL[now.phase], ...now.commands.filter((what) => !USUAL[now.phase].includes(what)
     && (what !== "retake" || now.phase === "push"))];
@@ -186,7 +189,7 @@ function showActions(now, ask) {
     }
     if (group.children[wanted.indexOf(what)] !== button) group.insertBefore(button, group.children[wanted.indexOf(what)] || null);
     set(button, labelOf(what, now));
-    button.setAttribute("aria-disabled", String(!now.commands.includes(what)));
+    button.setAttribute("aria-disabled", String(!now.commands.includes(what) || (what === "next" && !mayGoOn(now))));
   });
 }
 
@@ -202,7 +205,7 @@ function showDevices(now) {
     set(rate, device.rate === null ? "rate not known yet" : `${num(device.rate, 1)} Hz${asked}${jitter}`);
     level(rate, device.rate !== null && device.asked && device.rate < 0.9 * device.asked ? "warning" : "note");
     const age = device.age > 1 ? `, the last ${num(device.age, 0)} s ago` : "";
-    set(counts, `${device.samples} samples${age}; ${device.lost} lost, ${device.repeated} repeated, ${device.wrong} wrong`);
+    set(counts, `${device.samples} samples${age}; ${device.lost} lost, ${device.repeated} repeated, ${device.wrong} not used`);
     level(counts, device.lost + device.wrong > 0.001 * device.samples ? "warning" : "note");
     set(problem, [device.text, HELP[device.state] || ""].filter(Boolean).join(". "));
   });
@@ -221,13 +224,25 @@ function showOutputs(now) {
   });
 }
 
+// What says the same again is one line: the last time, and how often.
+function folded(events) {
+  const lines = new Map();
+  for (const event of [...events].reverse()) {
+    const key = JSON.stringify([event.kind, event.text, event.device]);
+    if (lines.has(key)) lines.get(key).times += 1;
+    else lines.set(key, { ...event, times: 1 });
+  }
+  return [...lines.values()];
+}
+
 function showEvents(now) {
-  list("events", [...now.events].reverse(), () => make("li", "time", "tag", "what"), (item, event) => {
+  list("events", folded(now.events), () => make("li", "time", "tag", "what"), (item, event) => {
     const [time, tag, what] = item.children;
     set(time, clock(event.t));
     set(tag, LEVELS[event.severity] || event.severity);
     level(tag, event.severity);
-    set(what, event.device ? `${event.text} (${event.device})` : event.text);
+    const often = event.times > 1 ? ` (${event.times} times, this was the last)` : "";
+    set(what, (event.device ? `${event.text} (${event.device})` : event.text) + often);
   });
 }
 
