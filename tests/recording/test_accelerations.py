@@ -163,7 +163,7 @@ def test_one_that_cannot_be_read_is_said_before_anything_is_written(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, verb: str
 ) -> None:
     cw.calibrate(cw.read(PANDA), "mount").save(tmp_path / "tool.json")
-    imu, output = tmp_path / "imu.csv", tmp_path / "o.csv"
+    imu, output = tmp_path / "imu.csv", tmp_path / ("o.csv" if verb == "compensate" else "o.json")
     imu.symlink_to("/proc/self/mem")
     by = ("-c", tmp_path / "tool.json") if verb == "compensate" else ()
     done = run(capsys, verb, PANDA, *by, "--imu", imu, "-o", output)
