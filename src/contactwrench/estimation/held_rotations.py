@@ -16,7 +16,7 @@ from ..geometry.arrays import Array
 from ..model import PARAMETERS, all_but_the_bias, response, response_jacobian
 from ..statistics import MisfitTest, percent, two_digits
 from .alternatives import alternatives_beside
-from .estimate import IN_DOUBT, Beliefs, Estimate, RigidEstimate
+from .estimate import EXCLUDED, IN_DOUBT, Beliefs, Estimate, RigidEstimate
 from .findings import DOUBTFUL
 from .noise import PoseReadings
 from .priors import Question, rows_of
@@ -39,13 +39,13 @@ OF_MISFIT = (Kind.ROBOT, Kind.GAIN, Kind.CABLE, Kind.TWO_LEVELS, Kind.CREEP, Kin
 def with_rotations_judged(
     calibration: Calibration, estimate: Estimate, readings: PoseReadings, question: Question
 ) -> Calibration:
-    """The calibration, made doubtful where mounting or base is not as the model holds it, at odds of 20 and more; then
+    """The calibration, made doubtful where mounting or base is not as the model holds it; then
     with what the other models make of the poses, and without what this one takes the misfit for.
     """
     if question.model not in HELD_GRAVITY or not isinstance(estimate, RigidEstimate):
         return calibration
     free = _let_go(estimate, readings, question)
-    if free is None or free.beliefs is None or _as_held(free.beliefs, question) > IN_DOUBT:
+    if free is None or free.beliefs is None or not _is_otherwise(free.beliefs, question):
         return calibration
     finding = DOUBTFUL(Kind.CONTRADICTS_MODEL, _in_words(estimate, free, free.beliefs, question))
     others = tuple(each for each in calibration.findings if each.kind not in OF_MISFIT)
@@ -64,6 +64,14 @@ def _let_go(estimate: RigidEstimate, readings: PoseReadings, question: Question)
         return None
     priors = replace(question.priors, mount=None) if question.model == "mount" else question.priors
     return estimated(readings, replace(question, model="auto", priors=priors), begin=estimate.tool)
+
+
+def _is_otherwise(beliefs: Beliefs, question: Question) -> bool:
+    """Whether mounting or base is not as the model holds it: where that does not take the place of the robot's errors,
+    it is excluded only at longer odds, as of a few such errors some make a base lean by chance.
+    """
+    beside_robot = beliefs.with_orientation.get(Kind.ROBOT, 0.0) > LIKELIER
+    return _as_held(beliefs, question) < (EXCLUDED if beside_robot else IN_DOUBT)
 
 
 def _as_held(beliefs: Beliefs, question: Question) -> float:
