@@ -25,9 +25,9 @@ BASE, SENSOR = r"the base seems to lean by (\S+) deg", r"the sensor seems to be 
 
 
 def _rig(model: str, base: float, sensor: float, seed: int, n: int) -> tuple[Rig, Array, np.random.Generator]:
-    """A tool of 20 N whose base and, under yaw, sensor lean by so many degrees."""
+    """A tool of 20 N whose base and, but under mount, sensor lean by so many degrees."""
     rig, R, rng = example(seed, poses=n)
-    if model == "yaw":
+    if model != "mount":
         side, yaw = rng.uniform(-np.pi, np.pi, 2)
         tilt = Rotation.from_rotvec(np.deg2rad(sensor) * np.array([np.cos(side), np.sin(side), 0.0]))
         rig = replace(rig, R_flange_sensor=(tilt * Rotation.from_euler("z", yaw)).as_matrix())
@@ -42,7 +42,13 @@ def _said(calibration: cw.Calibration) -> list[Finding]:
     ("model", "base", "sensor", "n"),
     [
         *(("mount", 0.3, 0.0, 24), ("mount", 1.0, 0.0, 12), ("mount", 3.0, 0.0, 24), ("yaw", 0.5, 0.0, 24)),
-        *(("yaw", 1.0, 0.0, 6), ("yaw", 0.0, 0.5, 12), ("yaw", 0.0, 3.0, 6), ("yaw", 1.0, 2.0, 12)),
+        *(
+            ("yaw", 1.0, 0.0, 6),
+            ("yaw", 0.0, 0.5, 12),
+            ("yaw", 0.0, 3.0, 6),
+            ("yaw", 1.0, 2.0, 12),
+            ("paper", 0.5, 0.0, 12),
+        ),
     ],
 )
 def test_what_leans_is_no_error_of_the_robot(model: str, base: float, sensor: float, n: int) -> None:
@@ -72,7 +78,7 @@ def test_what_leans_is_no_error_of_the_robot(model: str, base: float, sensor: fl
         assert {other.model for other in calibration.alternatives} >= {"mount+base", "affine"}
 
 
-@pytest.mark.parametrize(("model", "n"), [("mount", 6), ("mount", 24), ("yaw", 12)])
+@pytest.mark.parametrize(("model", "n"), [("mount", 6), ("mount", 24), ("yaw", 12), ("paper", 12)])
 def test_errors_of_the_robot_do_not_make_the_base_lean(model: str, n: int) -> None:
     for seed in range(41, 45):
         rig, R, rng = _rig(model, 0.0, 0.0, seed, n)
@@ -85,7 +91,7 @@ def test_errors_of_the_robot_do_not_make_the_base_lean(model: str, n: int) -> No
 def test_clean_readings_are_fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """A second fit would double the time."""
     monkeypatch.delattr(held_rotations, "estimated")
-    for model in ("yaw", "mount"):
+    for model in ("paper", "yaw", "mount"):
         rig, R, rng = _rig(model, 0.0, 0.0, 51, 12)
         calibration = cw.calibrate(cw.Samples(noisy_readings(rig, R, OF_MEAN, rng), R), model)
         assert (calibration.verdict, calibration.findings) == ("good", ())

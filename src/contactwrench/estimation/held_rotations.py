@@ -1,7 +1,7 @@
 """What a model holds, mounting or base, held against the readings.
 
-`yaw` and `mount` answer as if what they hold were so. Where it is not, their misfit passes for errors of the robot, of
-a cable, of the sensor, or for noise. So what is held is let go beside the other hypotheses of `auto`.
+`paper`, `yaw` and `mount` answer as if what they hold were so. Where it is not, their misfit passes for errors of the
+robot, of a cable, of the sensor, or for noise. So what is held is let go beside the other hypotheses of `auto`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from .findings import DOUBTFUL
 from .noise import PoseReadings
 from .priors import Question, rows_of
 from .rigid import MODEL_OF_AUTO, estimated
-from .sign_ambiguity import HELD_GRAVITY
 
 AT_A_GLANCE = 0.01
 """Probability, by chance, of what the rotations held would explain as well, up to which they are looked at closely."""
@@ -29,7 +28,7 @@ AT_A_GLANCE = 0.01
 LIKELIER = 0.5
 """Probability."""
 
-HELD = {"yaw": (4, 5, 7, 8), "mount": (7, 8)}
+HELD = {"paper": (4, 5, 7, 8), "yaw": (4, 5, 7, 8), "mount": (7, 8)}
 """Of weight, centre of mass, the turns of mounting and gravity: those that a model holds."""
 
 OF_MISFIT = (Kind.ROBOT, Kind.GAIN, Kind.CABLE, Kind.TWO_LEVELS, Kind.CREEP, Kind.CROSS_TALK)
@@ -42,7 +41,7 @@ def with_rotations_judged(
     """The calibration, made doubtful where mounting or base is not as the model holds it; then
     with what the other models make of the poses, and without what this one takes the misfit for.
     """
-    if question.model not in HELD_GRAVITY or not isinstance(estimate, RigidEstimate):
+    if question.model not in HELD or not isinstance(estimate, RigidEstimate):
         return calibration
     free = _let_go(estimate, readings, question)
     if free is None or free.beliefs is None or not _is_otherwise(free.beliefs, question):
@@ -58,7 +57,7 @@ def _let_go(estimate: RigidEstimate, readings: PoseReadings, question: Question)
     wrong beside it; None where there is nothing that this would explain, as it takes as long as the estimate.
     """
     beliefs, everything = estimate.beliefs, bool(estimate.kept.all())
-    other_causes = 1.0 if beliefs is None else sum((*beliefs.moved.values(), *beliefs.with_orientation.values()))
+    other_causes = 0.0 if beliefs is None else sum((*beliefs.moved.values(), *beliefs.with_orientation.values()))
     nothing_found = everything and other_causes < LIKELIER
     if nothing_found and _chance_at_a_glance(estimate, readings, question) > AT_A_GLANCE:
         return None
@@ -85,7 +84,7 @@ def _in_words(held: RigidEstimate, free: RigidEstimate, beliefs: Beliefs, questi
     cosines = abs(free.tool.R_flange_sensor[2, 2]), gravity @ question.gravity_direction
     of_sensor, of_base = map(two_digits, np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0))))
     each = [(beliefs.base_exact, f"the base seems to lean by {of_base} deg")]
-    if model == "yaw":
+    if model != "mount":
         each.append((beliefs.mounting_exact, f"the sensor seems to be tilted by {of_sensor} deg"))
     sure = [text for exact, text in each if exact < LIKELIER]
     direction = ",".join(f"{part:.3g}" for part in gravity.round(4) + 0.0)
