@@ -17,6 +17,7 @@ from contactwrench.estimation.noise import readings_of
 from contactwrench.estimation.priors import Question
 from contactwrench.estimation.rigid import estimated
 from contactwrench.samples.poses import Pose
+from tests.support.recordings import PANDA
 from tests.support.rigs import example
 from tests.support.world import DOWN, Array, Rig, noisy_readings, tilted_down
 
@@ -154,3 +155,11 @@ def _beliefs() -> tuple[Beliefs, RigidEstimate]:
     estimate = estimated(readings_of(poses, order_tells=False), Question("yaw", DOWN))
     assert estimate.beliefs is not None
     return estimate.beliefs, estimate
+
+
+def test_what_is_found_beside_the_lean_is_still_said() -> None:
+    """The recorded example has a gain beside a base that leans."""
+    calibration = cw.calibrate(cw.read(PANDA), "mount")
+    kinds = [finding.kind for finding in calibration.findings]
+    assert kinds[0] is Kind.CONTRADICTS_MODEL
+    assert Kind.CROSS_TALK in kinds

@@ -39,7 +39,7 @@ def with_rotations_judged(
     calibration: Calibration, estimate: Estimate, readings: PoseReadings, question: Question
 ) -> Calibration:
     """The calibration, made doubtful where mounting or base is not as the model holds it; then
-    with what the other models make of the poses, and without what this one takes the misfit for.
+    with what the other models make of the poses, and without what only this one takes the misfit for.
     """
     if question.model not in HELD or not isinstance(estimate, RigidEstimate):
         return calibration
@@ -47,7 +47,9 @@ def with_rotations_judged(
     if free is None or free.beliefs is None or not _is_otherwise(free.beliefs, question):
         return calibration
     finding = DOUBTFUL(Kind.CONTRADICTS_MODEL, _in_words(estimate, free, free.beliefs, question))
-    others = tuple(each for each in calibration.findings if each.kind not in OF_MISFIT)
+    found = {kind for kind, probability in free.beliefs.with_orientation.items() if probability > LIKELIER}
+    found |= {Kind.CROSS_TALK} if Kind.GAIN in found or Kind.CABLE in found else set()
+    others = tuple(each for each in calibration.findings if each.kind in found or each.kind not in OF_MISFIT)
     alternatives = alternatives_beside(estimate, readings, question)
     return replace(calibration, findings=(finding, *others), alternatives=alternatives)
 
