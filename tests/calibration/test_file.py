@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.calibration.alternative import Alternative
+from contactwrench.calibration.alternative import Alternative, Alternatives
 from contactwrench.calibration.consistency import FOLLOWS, Derived
 from contactwrench.calibration.dynamics import Dynamics
 from contactwrench.calibration.file import ADDED, SCHEMA, to_json
@@ -54,10 +54,11 @@ def refusal(folder: Path, content: str | bytes | dict[str, Any]) -> str:
 
 def assert_identical(a: object, b: object) -> None:
     """Equal to the last bit, through records, tuples and arrays."""
+    a, b = (tuple(each) if isinstance(each, Alternatives) else each for each in (a, b))
     assert type(a) is type(b)
     if isinstance(a, np.ndarray):
         assert np.array_equal(a, b)  # type: ignore[arg-type]
-    elif isinstance(a, cw.Calibration | Pose | PoseMoments | Observability):
+    elif isinstance(a, cw.Calibration | Pose | PoseMoments | Observability | Alternative):
         for field in fields(a):
             assert_identical(getattr(a, field.name), getattr(b, field.name))
     elif isinstance(a, tuple):

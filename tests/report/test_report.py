@@ -179,8 +179,8 @@ def test_auto_shows_what_it_assumed_and_what_other_models_make_of_the_poses(tmp_
     assert rows[4][1] == "-"
     for absent in ("Poses that were left out", "left out", "Hollow", "But the bias"):
         assert absent not in words
-    write_calibration_report(tmp_path / "mount.html", panda("mount"))
-    _, words = _page(tmp_path / "mount.html")
+    write_calibration_report(tmp_path / "both.html", panda("mount+base"))
+    _, words = _page(tmp_path / "both.html")
     assert "What was assumed" not in words
     assert "What other models" not in words
 

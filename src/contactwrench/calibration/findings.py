@@ -71,6 +71,7 @@ class Kind(StrEnum):
     RESTS_ON_PRIOR = "rests_on_prior"
     CONTRADICTS_KNOWN = "contradicts_known"
     CONTRADICTS_OTHERS = "contradicts_others"
+    CONTRADICTS_MODEL = "contradicts_model"
     BIAS_SHIFTED = "bias_shifted"
     NEGATIVE_MASS = "negative_mass"
     CONTACT_IN_MOTION = "contact_in_motion"

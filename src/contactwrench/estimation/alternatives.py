@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from ..calibration.alternative import Alternative
+from ..calibration.alternative import Alternative, Alternatives
 from ..errors import UnobservableError
 from .affine import fit_affine
-from .estimate import Estimate
+from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
 from .priors import Question
 from .rigid import estimated
@@ -18,10 +19,16 @@ from .sign_ambiguity import require_answerable, require_noise
 OTHER_MODELS = ("yaw", "mount", "mount+base", "affine")
 
 
+def alternatives_beside(estimate: RigidEstimate, readings: PoseReadings, question: Question) -> Alternatives:
+    """Those to an estimate from `readings`, worked out when first looked at, by a bias that is steady."""
+    steady = replace(readings, wrench=readings.wrench - estimate.change).select(estimate.kept)
+    return Alternatives(partial(alternatives_to, steady, question))
+
+
 def alternatives_to(readings: PoseReadings, question: Question) -> tuple[Alternative, ...]:
     """The other models fitted to the poses kept; those that the poses cannot tell are left out."""
     alternatives = []
-    for model in OTHER_MODELS:
+    for model in [other for other in OTHER_MODELS if other != question.model]:
         as_asked = replace(question, model=model)
         try:
             if model == "affine":

@@ -26,8 +26,10 @@ def beliefs_of(problem: Problem, tables: list[Table], weight: Array, off: Array,
     std = np.sqrt(np.maximum(weight @ squared, 1e-300))
     judged = problem.question.model == "auto" and problem.question.earlier is None
     hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
-    tilts = np.array([(*h.exact, judged and h.mount is None, judged and h.base is None) for h in hypotheses])
-    mounting_exact, base_exact, any_mounting, any_base = (weight @ tilts).tolist()
+    tilts = np.array(
+        [(*h.exact, judged and h.mount is None, judged and h.base is None, all(h.exact)) for h in hypotheses]
+    )
+    mounting_exact, base_exact, any_mounting, any_base, both_exact = (weight @ tilts).tolist()
     off_by_mounting, off_by_base = (_off_by_exactness(is_exact, weight, squared) for is_exact in tilts.T[:2])
     of_table = [float(weight[here].sum()) for _, here in each_with_place(tables)]
     kinds = np.concatenate([table.kinds for table in tables])
@@ -59,6 +61,7 @@ def beliefs_of(problem: Problem, tables: list[Table], weight: Array, off: Array,
         turn=float(np.sqrt(weight @ turn**2 / max(of_kind[Kind.ROBOT], EXCLUDED))),
         mounting_exact=mounting_exact,
         base_exact=base_exact,
+        both_exact=both_exact,
         off_by_mounting=off_by_mounting * judged,
         off_by_base=off_by_base * judged,
         furthest=_furthest_drift(tables, weight, off / std),

@@ -9,14 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import compress
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..calibration.alternative import Alternative, Alternatives
+from ..calibration.alternative import Alternative
 from ..calibration.calibration import Calibration
 from ..calibration.difference import origin_of_tool
 from ..calibration.findings import Finding
@@ -33,12 +32,13 @@ from ..samples.recorded_poses import RecordedPoses, is_stream, recorded_poses, r
 from ..samples.samples import Samples, require_samples
 from ..version import __version__
 from .affine import MIRRORED, fit_affine
-from .alternatives import alternatives_to
+from .alternatives import alternatives_beside
 from .estimate import Estimate, RigidEstimate
 from .findings import doubts
 from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
 from .findings_of_knowledge import of_known, of_prior
 from .findings_of_recording import contact_free, of_estimate, of_recording, rows_apart, with_creep
+from .held_rotations import with_rotations_judged
 from .in_motion import with_earlier_inertia, with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
@@ -256,8 +256,7 @@ def assembled(recorded: FittedRecording, question: Question, origin: Mapping[str
         of_tool = dict(zip(OF_TOOL, values, strict=True))
         parameters = parameters_of(tool, yaw, names)
         if question.model == "auto" and earlier is None:
-            steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
-            alternatives = Alternatives(partial(alternatives_to, steady, question))
+            alternatives = alternatives_beside(estimate, recorded.readings, question)
     many, reasons = len(poses) > MOST_POSES_KEPT, reasons_left_out(estimate)
     marked = [pose if why is None else replace(pose, rejected=why) for pose, why in zip(poses, reasons, strict=True)]
     calibration = Calibration(
@@ -297,4 +296,5 @@ def assembled(recorded: FittedRecording, question: Question, origin: Mapping[str
         gain_covariance=estimate.gain_covariance if isinstance(estimate, RigidEstimate) else None,
         orientation_std=estimate.orientation_std if isinstance(estimate, RigidEstimate) else None,
     )
-    return with_creep(calibration, recorded.found.creep, R)
+    judged = with_rotations_judged(calibration, estimate, recorded.readings, question)
+    return with_creep(judged, recorded.found.creep, R)

@@ -164,7 +164,7 @@ def on_one_sensor(calibrations: Sequence[Calibration]) -> tuple[Calibration, ...
 
 def inherited(prior: Calibration | None) -> tuple[Finding, ...]:
     """What is odd of an earlier calibration, and so of one that takes its tool and base as known."""
-    of_tool_and_base = (Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE, Kind.CREEP)
+    of_tool_and_base = (Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE, Kind.CREEP, Kind.CONTRADICTS_MODEL)
     return () if prior is None else tuple(each for each in prior.findings if each.kind in of_tool_and_base)
 
 

@@ -68,7 +68,7 @@ def estimated(
         readings: of the poses, in the order of time where that tells.
         question: `yaw`, `mount`, `mount+base` or `auto`.
         plain: all poses belong, the bias is steady, and nobody asks for held-out errors.
-        begin: where to, of a model other than `auto`; None: everywhere is looked at.
+        begin: where to; of `auto`, that near nominal what is not free is looked for; None: everywhere is looked at.
     """
     steady = plain or len(readings) > MOST_JUDGED
     problem = _problem(readings, question, steady)
@@ -127,11 +127,11 @@ def _tables_from(problem: Problem, plain: bool, begin: RigidTool | None, before:
     question = problem.question
     look = _settled_only if plain else explored
     if question.earlier is not None:
-        return look(problem, tool_of(question.earlier), hypotheses_of(question, False, False))
+        begin = tool_of(question.earlier)
+    if begin is not None:
+        return look(problem, begin, hypotheses_of(question, False, False))
     if question.model != "auto":
         search, free = SEARCH_OF_MODEL[question.model], hypotheses_of(question, False, False)
-        if begin is not None:
-            return look(problem, begin, free)
         best = look(problem, _start(problem, search, before), free)
         if best[0].kept.all():
             return best

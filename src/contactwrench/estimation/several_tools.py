@@ -111,9 +111,10 @@ def calibrate_shared(
         replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in messages if m is not own)))
         for own in messages
     ]
+    begins = [None if model == "auto" else message.tool for message in messages]
     estimates = [
-        estimated(recording.readings.with_lag(recording.found.lag), own, begin=message.tool)
-        for recording, own, message in zip(recorded, asked, messages, strict=True)
+        estimated(recording.readings.with_lag(recording.found.lag), own, begin=begin)
+        for recording, own, begin in zip(recorded, asked, begins, strict=True)
     ]
     contradictions = _contradictions(messages, leader, estimates[leader], sources, sharing)
     results = []
