@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 import contactwrench as cw
+from benchmarks.errors import direction, in_a_cone
 from contactwrench.calibration.findings import Kind, Severity
 from contactwrench.estimation import outliers, rigid
 from contactwrench.estimation.bias_drift import ONLY_THE_LAST, STRENGTHS, Drift, Kernels, kernels_of, possible_drifts
+from contactwrench.estimation.least_squares import Members
+from contactwrench.estimation.one_direction import log_either
 from tests.support.rigs import NOISE, example, noisy
-from tests.support.world import Array, Rig, derivatives, noisy_readings
+from tests.support.world import Array, Rig, derivatives, noisy_readings, random_rig
 
 OF_BIAS = (Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED)
 
@@ -34,6 +40,81 @@ def test_a_walk_has_the_covariance_of_brownian_motion_run_backwards() -> None:
         left = (time[-1] - time) / (time[-1] - time[0])
         (walk,) = (drift.columns @ drift.columns.T for drift in _drifts(time) if drift.kind is Kind.BIAS_WANDERED)
         assert walk == pytest.approx(np.minimum.outer(left, left), abs=0.01)
+
+
+def _along_one_direction(seed: int, poses: int, cycle: bool) -> tuple[Rig, cw.Samples]:
+    """Poses whose bias wanders alike on all axes, by 10 noise std in all: there and back one and a half times, or as a
+    walk.
+    """
+    rig, R, rng = example(seed, poses=poses)
+    phase = 3.0 * np.pi * np.linspace(0.0, 1.0, poses) + rng.uniform(0.0, 2.0 * np.pi)
+    course = np.sin(phase) if cycle else np.cumsum(rng.normal(size=poses)) / np.sqrt(poses)
+    change = 10.0 * np.sqrt(2.0) * NOISE * np.outer(course - course[-1], direction(rng, 6))
+    return rig, cw.Samples(noisy_readings(rig, R, NOISE, rng) + change, R, t=10.0 * np.arange(float(poses)))
+
+
+@pytest.mark.parametrize(("poses", "seed"), [(12, 1), (12, 2), (24, 3), (24, 4)])
+def test_a_bias_that_goes_there_and_back_wanders_and_the_last_one_is_within_its_std(poses: int, seed: int) -> None:
+    """It was 6 to 8 std off in these, and good: as backlash, or by a walk that took the noise up with the cycle."""
+    rig, samples = _along_one_direction(seed, poses, cycle=True)
+    calibration = cw.calibrate(samples, "mount")
+    assert [f.kind for f in calibration.findings if f.kind in (*OF_BIAS, Kind.TWO_LEVELS)] == [Kind.BIAS_WANDERED]
+    assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cycle", [True, False])
+def test_the_last_of_a_bias_that_wanders_along_one_direction_is_covered(cycle: bool) -> None:
+    """By the 95 % intervals of its axes, of all recordings together."""
+    off = []
+    for poses, seed in product((12, 24), range(40, 50)):
+        rig, samples = _along_one_direction(seed, poses, cycle)
+        calibration = cw.calibrate(samples, "mount")
+        off += np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).tolist()
+    assert np.mean(np.array(off) < 1.96) > 0.9
+    assert max(off) < 5.0
+
+
+@pytest.mark.parametrize("seed", [3, 7, 8, 10, 11])
+def test_backlash_that_comes_with_the_direction_of_arrival_is_none_of_a_bias_that_wanders(seed: int) -> None:
+    """Two levels 9 noise std apart, six of twelve poses near tool-down on each: in these none was found."""
+    rng = np.random.default_rng(seed)
+    rig, R = random_rig(rng), in_a_cone(12, rng)
+    side = rng.permutation(np.repeat([-0.5, 0.5], 6))
+    wrench = noisy_readings(rig, R, NOISE, rng) + 9.0 * np.sqrt(6.0) * NOISE * np.outer(side, direction(rng, 6))
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(12.0)), "mount")
+    assert [f.kind for f in calibration.findings if f.kind in (*OF_BIAS, Kind.TWO_LEVELS)] == [Kind.TWO_LEVELS]
+    assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0
+
+
+def _one_member(strength: float) -> Members:
+    """A walk of that strength, and noise of unit variance."""
+    one, axes = np.ones((1, 1)), np.ones((1, 6))
+    of_one = np.zeros(1, dtype=np.intp)
+    numbers = np.zeros(1), np.zeros((1, 6)), np.array([strength])
+    return Members(of_one, of_one, one, one[..., None], axes, axes, *numbers, of_one - 1, np.zeros(1))
+
+
+@pytest.mark.parametrize("along", [0.0, 1.0, 4.0])
+def test_a_direction_that_nobody_knows_is_weighed_as_the_mean_over_many(along: float) -> None:
+    """Against the density of twelve readings under each of 400,000 directions drawn at random."""
+    rng = np.random.default_rng(3)
+    (walk,), n = [d.columns for d in _drifts(np.arange(12.0)) if d.kind is Kind.BIAS_WANDERED], 12
+    errors = rng.normal(size=(n, 6)) + along * np.outer(walk @ rng.normal(size=walk.shape[1]), direction(rng, 6) * 2.4)
+    contrasts = np.linalg.svd(np.ones((1, n)))[2][1:]  # no constant
+    seen = contrasts @ errors
+    own = multivariate_normal(np.zeros(n - 1), np.eye(n - 1))
+    own_walk = multivariate_normal(np.zeros(n - 1), np.eye(n - 1) + 4.0 * contrasts @ walk @ walk.T @ contrasts.T)
+    along_one = multivariate_normal(np.zeros(n - 1), np.eye(n - 1) + 24.0 * contrasts @ walk @ walk.T @ contrasts.T)
+    directions = rng.normal(size=(400_000, 6))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    noise_alone = float(np.sum(own.logpdf(seen.T)))
+    each = along_one.logpdf(directions @ seen.T) - own.logpdf(directions @ seen.T) + noise_alone
+    expected = np.logaddexp.reduce(each) - np.log(len(directions)) - np.sum(own_walk.logpdf(seen.T))
+    found = log_either(
+        _only(walk, 2.0), _one_member(2.0), errors[None], np.zeros((n, 6, 1)), np.ones(n), np.ones(n, dtype=bool)
+    )
+    assert found[0] == pytest.approx(np.logaddexp(np.log(0.997), np.log(0.003) + expected), abs=0.5)
 
 
 def test_a_step_may_have_been_before_any_pose_and_a_steady_bias_is_likelier() -> None:

@@ -59,11 +59,11 @@ def columns_of_axes(tool: RigidTool, names: tuple[str, ...]) -> Array:
 
 def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDArray[np.bool_]) -> Moments:
     """W S W^T of rows X (m, 15) of the poses kept, of relative variances (m,), under each kernel; W (a, c, 15)."""
-    rows = _centred(X, variance)
+    rows = centred(X, variance)
     G = np.tile(W @ (rows.T @ rows) @ W.transpose(0, 2, 1), (len(kernels.drift), 1, 1, 1))
     determinant = np.full(len(G), float(np.sum(np.log(variance)) + np.log(np.sum(1.0 / variance))))
     for drift in np.unique(kernels.drift[kernels.drift > 0]):
-        here, L = np.flatnonzero(kernels.drift == drift), _centred(kernels.drifts[drift].columns[kept], variance)
+        here, L = np.flatnonzero(kernels.drift == drift), centred(kernels.drifts[drift].columns[kept], variance)
         length, vectors = np.linalg.eigh(L.T @ L)
         squared = kernels.strength[here, None] ** 2
         Z = W @ (rows.T @ L @ vectors)
@@ -72,7 +72,7 @@ def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDAr
     return Moments(G, determinant, len(X))
 
 
-def _centred(rows: Array, variance: Array) -> Array:
+def centred(rows: Array, variance: Array) -> Array:
     """Rows (n, c) over the roots of their variances (n,), a constant taken out."""
     mean = (1.0 / variance) @ rows / np.sum(1.0 / variance)
     return np.asarray((rows - mean) / np.sqrt(variance)[:, None])
@@ -85,8 +85,8 @@ def log_odds(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDArra
     odds, columns = np.full(len(kernels.drift), np.inf), np.array([drift.columns.shape[1] for drift in kernels.drifts])
     single = np.flatnonzero(columns[kernels.drift] == 1)
     drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)
-    h = _centred(np.hstack([np.zeros((len(X), 0)), *(kernels.drifts[k].columns[kept] for k in drifts)]), variance)
-    along, noise, dof = (W @ (_centred(X, variance).T @ h)).transpose(2, 0, 1), steady.variance[0], steady.dof[0]
+    h = centred(np.hstack([np.zeros((len(X), 0)), *(kernels.drifts[k].columns[kept] for k in drifts)]), variance)
+    along, noise, dof = (W @ (centred(X, variance).T @ h)).transpose(2, 0, 1), steady.variance[0], steady.dof[0]
     pull, along = along @ np.append(-steady.step[0], 1.0), along[:, :, :-1]
     length = np.sum(h**2, axis=0)[:, None] - np.sum((along @ steady.covariance[0]) * along, axis=2) / noise
     squared = kernels.strength[single, None] ** 2

@@ -67,7 +67,8 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
             now = better
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
     first = found[0]
-    proposed = {kept.tobytes(): kept for kept in (on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS]))}
+    sides = [side for table in (first, tables[everything.tobytes()]) for side in _two_sides(problem, table)]
+    proposed = {kept.tobytes(): kept for kept in (on_a_level, *(t.kept for t in found[:MOST_AS_LEVELS]), *sides)}
     of_levels = [
         settled_beside(_as_two_levels(problem, kept), first)
         for kept in proposed.values()
@@ -94,6 +95,22 @@ def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
     log_prior = log_prior_two_levels(len(kept), int(np.sum(~kept)))
     levels = Drift(Kind.TWO_LEVELS, np.where(kept, 0.5, -0.5)[:, None])
     return replace(problem, kernels=kernels_of(len(kept), [levels], [log_prior], steady=False))
+
+
+def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
+    """Where the bias wanders, the poses on the larger side of its course: it may take two levels up, and no pose would
+    then seem to be off.
+    """
+    if table.kinds[table.best] != Kind.BIAS_WANDERED:
+        return []
+    left = explained(problem, table, table.best)[0] / np.sqrt(table.members.variance[table.best])
+    U, size, _ = np.linalg.svd(left - left.mean(axis=0), full_matrices=False)
+    along, n = U[:, 0] * size[0], len(left)
+    order, below = np.argsort(along), np.arange(1, n)
+    apart = np.cumsum(along[order])[:-1] ** 2 / (below * (n - below))  # of the means of both sides
+    side = np.zeros(n, dtype=bool)
+    side[order[: int(below[np.argmax(apart)])]] = True
+    return [side if 2 * side.sum() >= n else ~side]
 
 
 def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

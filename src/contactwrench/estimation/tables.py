@@ -13,12 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import RigidTool, response, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
 from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned, in_common
 from .hypotheses import Hypothesis
 from .least_squares import Members, Priors, columns_of_axes, log_odds, moments_of, solved
+from .one_direction import log_either
 from .outliers import log_density_outlying, log_prior_outlying
 from .problem import Problem
 from .robot_errors import ODDS, likely_with, turns_across_gravity
@@ -124,13 +126,12 @@ def _untouched(
     if len(k) > FEW_PAIRS:
         each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)
         looked_at = solved(moments, kernels, priors, (each, widest), problem.noise, LOOK)
-        rough = looked_at.log_evidence + _log_plausible(tool, kernels, looked_at)
+        rough = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, looked_at)).log_evidence
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
         of_hypotheses = solved(moments, kernels, priors, (likeliest, each), problem.noise, LOOK).log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
     members = solved(moments, kernels, priors, (k, h), problem.noise)
-    with_size = members.log_evidence + _log_plausible(tool, kernels, members)
-    members = _near(replace(members, kernel=among[k], log_evidence=with_size))
+    members = _near(replace(_sized(problem, Table(tool, priors, hypotheses, kept, kernels, members)), kernel=among[k]))
     return Table(tool, priors, hypotheses, kept, problem.kernels, members)
 
 
@@ -170,9 +171,17 @@ def _weighed(problem: Problem, table: Table) -> Table:
     return replace(table, members=replace(m, log_evidence=m.log_evidence + rest))
 
 
-def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array:
-    noise = np.sqrt(members.variance[:, :3].mean(axis=1))
-    return kernels.log_plausible(members.kernel, members.strength, noise, tool.weight + members.step[:, 0])
+def _sized(problem: Problem, table: Table) -> Members:
+    """The members, as likely as errors of their size are, and as a bias is that may wander along one direction."""
+    m, tool, kernels, kept = table.members, table.tool, table.kernels, table.kept
+    noise, weight = np.sqrt(m.variance[:, :3].mean(axis=1)), tool.weight + m.step[:, 0]
+    log_evidence = m.log_evidence + kernels.log_plausible(m.kernel, m.strength, noise, weight)
+    wander = np.flatnonzero(table.kinds == Kind.BIAS_WANDERED)
+    if len(wander) and problem.noise.stated is None:  # an axis that errs less than stated would share any direction
+        J = wrench_jacobian(tool, problem.R_base_flange[kept], problem.names)[:, :, problem.columns]
+        errors = _errors_of(problem, table, wander)[:, kept]
+        log_evidence[wander] += log_either(kernels, m.select(wander), errors, J, problem.relative[kept], kept)
+    return replace(m, log_evidence=log_evidence)
 
 
 def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array, Array]:
