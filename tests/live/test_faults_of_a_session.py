@@ -163,28 +163,28 @@ def _in_order(fake: Any) -> None:
 def _bad(fake: Any, word: int | None) -> None:
     fake.usual_state = fake.state
     fake.status(word)
-    fake.signal.spoil = 50.0
+    fake.truth.spoil = 50.0
 
 
 def _spoiled(fake: Any, value: float) -> None:
     fake.usual_state = fake.state
-    fake.signal.spoil = value
-    fake.signal.spoil_pose = value if value != value else 0.0
+    fake.truth.spoil = value
+    fake.truth.spoil_pose = value if value != value else 0.0
 
 
 def _well(fake: Any) -> None:
     fake.status(fake.usual_state)
-    fake.signal.spoil = fake.signal.spoil_pose = 0.0
+    fake.truth.spoil = fake.truth.spoil_pose = 0.0
 
 
 def _frozen(fake: Any) -> None:
-    fake.signal.freezes = True
-    while not fake.signal.frozen:
+    fake.truth.freezes = True
+    while not fake.truth.frozen:
         sleep(0.01)
 
 
 def _thawed(fake: Any) -> None:
-    fake.signal.freezes = False
+    fake.truth.freezes = False
 
 
 def _step(fake: Any, seconds: float) -> None:

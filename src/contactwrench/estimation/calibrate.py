@@ -121,7 +121,7 @@ def calibrate(
             if reason := samples.doubt or "".join(each.said for each in contradicted[:1]):
                 raise type(error)(f"{re.split('[:;] ', str(error))[0]}; but {reason}") from None
             still = recorded.what_was_still if isinstance(error, UnobservableError) else ""
-            raise type(error)(with_room_for(f"{samples.source}: {error}", still)) from None
+            raise type(error)(with_room_for(str(error), still)) from None
 
 
 @dataclass(frozen=True, eq=False)

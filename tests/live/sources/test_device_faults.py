@@ -6,7 +6,7 @@ import socket
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 import pytest
@@ -136,6 +136,9 @@ def test_it_is_closed_in_every_state(kind: Kind) -> None:
         source.open()
         read(source, 0.05)
         source.close()
+    end = monotonic() + 2.0
+    while set(threading.enumerate()) != before and monotonic() < end:  # who asks for a page ends with its answer
+        sleep(0.01)
     assert set(threading.enumerate()) == before
 
 
