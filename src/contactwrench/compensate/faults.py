@@ -60,8 +60,8 @@ REASONS = (
 
 
 class Reason(str):
-    """What is wrong with a sample in words, the `kind` of it, by which samples are counted (the word before the colon
-    unless stated), and the `channel`, -1 where it is of no single one.
+    """What is wrong with a sample in words; its `kind`, by which samples are counted, the word before the colon where
+    none is stated; and the `channel`, -1 where it is of no single one.
     """
 
     __slots__ = ("channel", "kind")

@@ -107,11 +107,12 @@ class Rival:
 class Beliefs:
     """Probabilities once the readings are known: that each pose is `outlying` (n,); of each kind of the bias' motion,
     `moved`, of which `drift` is the likeliest, by `change` (n, 6) N and N m from the last bias; of each kind of
-    error that goes `with_orientation`, a bias in two `backlash` (n, 6) among them, by which it is off their middle, and
-    the robot's turns of about `turn` rad an axis; that mounting and base are exactly nominal, `mounting_exact`,
-    `base_exact` and `both_exact`, or point anywhere, `any_mounting` and `any_base`. By how many std the answer would be
-    off, were the less likely of exactly nominal or not so, `off_by_mounting` and `off_by_base`; 0 where that one is
-    excluded; the drift, not excluded, in whose case it would be so far off that it decides most, `furthest`.
+    error that goes `with_orientation`, two levels among them, by which the bias is off their middle, `backlash` (n,
+    6), and the robot's turns of about `turn` rad an axis; that mounting and base are exactly nominal,
+    `mounting_exact`, `base_exact` and `both_exact`, or point anywhere, `any_mounting` and `any_base`. By how many
+    std the answer would be off, were the less likely of exactly nominal or not so, `off_by_mounting` and
+    `off_by_base`; 0 where that one is excluded; the drift, not excluded, in whose case it would be so far off that
+    it decides most, `furthest`.
     """
 
     outlying: Array

@@ -38,8 +38,8 @@ OF_MISFIT = (Kind.ROBOT, Kind.GAIN, Kind.CABLE, Kind.TWO_LEVELS, Kind.CREEP, Kin
 def with_rotations_judged(
     calibration: Calibration, estimate: Estimate, readings: PoseReadings, question: Question
 ) -> Calibration:
-    """The calibration, made doubtful where mounting or base is not as the model holds it; then
-    with what the other models make of the poses, and without what only this one takes the misfit for.
+    """The calibration, made doubtful where mounting or base is not as the model holds it; then with what the other
+    models make of the poses, and without what only this one takes the misfit for.
     """
     if question.model not in HELD or not isinstance(estimate, RigidEstimate):
         return calibration
@@ -56,7 +56,8 @@ def with_rotations_judged(
 
 def _let_go(estimate: RigidEstimate, readings: PoseReadings, question: Question) -> RigidEstimate | None:
     """The estimate with what the model holds near nominal or exactly so, from its tool on, everything else that may be
-    wrong beside it; None where there is nothing that this would explain, as it takes as long as the estimate.
+    wrong beside it; None where there is nothing that this would explain, as it takes as long as the estimate. Noise
+    that is stated leaves the robot's errors no room: the readings tell it here.
     """
     beliefs, everything = estimate.beliefs, bool(estimate.kept.all())
     other_causes = 0.0 if beliefs is None else sum((*beliefs.moved.values(), *beliefs.with_orientation.values()))
@@ -64,7 +65,7 @@ def _let_go(estimate: RigidEstimate, readings: PoseReadings, question: Question)
     if nothing_found and _chance_at_a_glance(estimate, readings, question) > AT_A_GLANCE:
         return None
     priors = replace(question.priors, mount=None) if question.model == "mount" else question.priors
-    return estimated(readings, replace(question, model="auto", priors=priors), begin=estimate.tool)
+    return estimated(readings, replace(question, model="auto", priors=priors, noise=None), begin=estimate.tool)
 
 
 def _is_otherwise(beliefs: Beliefs, question: Question) -> bool:

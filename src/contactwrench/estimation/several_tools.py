@@ -103,9 +103,9 @@ def calibrate_shared(
     require_shareable(len(recordings), shared, model, known or {})
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), known or {})
+    recorded = [from_recording(samples, question, g) for samples in recordings]
     named = [samples.source for samples in recordings]
     sources = [f"{name} {k}" if named.count(name) > 1 else name for k, name in enumerate(named, 1)]
-    recorded = [from_recording(samples, question, g) for samples in recordings]
     messages, leader = _messages(recorded, sharing)
     asked = [
         replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in messages if m is not own)))

@@ -20,9 +20,10 @@ FASTEST = 500e-6
 """Of one clock against another: quartz does not differ by more. A count whose rate is another than is said does, a
 program that adds up its pauses, or a simulation that falls behind: that shows when all samples come `LATE`.
 """
-RECENT, STRAIGHT = (4, 8), 0.2
-"""The last smallest delays by which such a clock is told, at least and at most, and how far they may lie off a straight
-line, as a part of its rise: so no step, and no queue that soon is full."""
+RECENT, STRAIGHT = 8, 0.1
+"""The last smallest delays by which such a clock is told, and how far they may lie off a straight line, as a part of
+its rise: so no step. A queue that fills evenly looks alike until it is empty again.
+"""
 LATE = 0.05
 """s by which a sample comes after it was taken beyond which it is not to be used: its time may be wrong. Where all come
 so late for a while the device's clock stood, or was set back, and times are told anew."""
@@ -61,7 +62,7 @@ class Clock:
     def reset(self) -> None:
         """The device's clock began anew."""
         self._bins: list[tuple[float, float]] = []
-        self._recent = deque[tuple[float, float]](maxlen=RECENT[1])
+        self._recent = deque[tuple[float, float]](maxlen=RECENT)
         self._bin = self._device = self._arrived = -inf
         self._least = (0.0, inf)
         self._rate, self._line, self.pace = 0.0, (0.0, inf), 1.0
@@ -103,11 +104,11 @@ class Clock:
 
     def _see(self, arrival: float, device: float) -> None:
         self._device, self._arrived = device, arrival
-        device *= self.pace
-        offset = arrival - device
         self._unknown_from = min(self._unknown_from, arrival)
         if arrival >= self._bin + BIN:
             self._next_bin(arrival)
+        device *= self.pace
+        offset = arrival - device
         if offset < self._fell[1] - SOONER:
             self._fell = (arrival, offset)
         if offset < self._least[1]:
@@ -132,6 +133,9 @@ class Clock:
     def _next_bin(self, arrival: float) -> None:
         if self._least[1] < inf:
             self._recent.append(self._least)
+            if self.pace > 1.0 and self._recent[0][1] - self._least[1] > LATE:  # of a slow clock nothing comes sooner
+                self._paced(1.0 / self.pace)
+                self.pace = 1.0
             if self._bins and self._least[1] - self._at(self._least[0]) > LATE:
                 self._bins.clear()
                 self._rate = 0.0
@@ -151,11 +155,13 @@ class Clock:
         self._least = (device, self._least[1] + moved)
         self._fell = (self._fell[0], self._fell[1] + moved)
         self._recent.clear()
+        self._bins.clear()
+        self._rate = 0.0
 
 
 def steady_rise(recent: Sequence[tuple[float, float]]) -> float:
     """The slope of (time, offset) that rise along a straight line, as those of a clock that is slow do; else 0."""
-    if len(recent) < RECENT[0]:
+    if len(recent) < RECENT:
         return 0.0
     (begin, first), (end, last) = recent[0], recent[-1]
     slope = (last - first) / max(end - begin, LEAST_SPAN * FASTEST)

@@ -166,6 +166,8 @@ class Intake:
                 f"its time goes {100.0 * (1.0 - 1.0 / self.clock.pace):.2g} % slow, or what it sends waits ever longer"
             )
             events.append(self._event(t, "rate", "warning", f"{slow}: check its rate, or let it stamp by a clock"))
+        elif self.clock.pace < self._pace:
+            events.append(self._event(t, "rate", "note", "its time is told as it says it: what was slow had waited"))
         self._pace = self.clock.pace
         if bool(self._bursts.period) is not self._in_bursts:
             self._in_bursts = not self._in_bursts
