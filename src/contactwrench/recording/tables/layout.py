@@ -47,6 +47,8 @@ COLUMN_OF = {"force": "fx", "torque": "tx", "time": "t", "angle": "roll", "lengt
 USUAL = ("N", "N m", "s", "deg", "m")
 """Columns by which a unit is shown, and the units of those that state none."""
 OF_FORCE, OF_TORQUE = re.compile("forc|kraft", re.IGNORECASE), re.compile("torque|moment", re.IGNORECASE)
+BESIDE_BLANKS = re.compile(r"[\t;]|\s,|,\s")
+"""What parts cells itself; a comma between digits may be a decimal one."""
 COUNTS = re.compile(r"\bcounts? (?:per|/)", re.IGNORECASE)
 """Of numbers that are to be divided by as many."""
 OF_UNITS = re.compile(r"unit|einheit|pound|ounce|kilogram|\b(?:kg|oz|ozf)\b", re.IGNORECASE)
@@ -81,7 +83,7 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
         return None
     row, header = (rows := _below_remarks(rows, source))[0]
     data = [line for _, line in rows[1:]]
-    if any(_is_reading(split(header, mark), [split(line, mark) for line in data[:SAMPLE]]) for mark in SEPARATORS):
+    if any(_is_reading(header, data[:SAMPLE], mark) for mark in SEPARATORS):
         return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
     names = named_or_numbered(_names(header, separator, row, source))
@@ -177,15 +179,20 @@ def _words(remark: str) -> list[str]:
     return words
 
 
-def _is_reading(row: Sequence[str], below: Sequence[Sequence[str]]) -> bool:
+def _is_reading(line: str, data: Sequence[str], mark: str) -> bool:
     """Whether a row above others is numbers, not names: all of it, or a wrench at least, beside what is no number in
-    the others either, as a time of day. Whole numbers that count on are the names that pandas gives.
+    the others either, as a time of day. Whole numbers that count on are the names that pandas gives. Where no other is
+    as wide, blanks about a separator part no cells: `force 1 ; force 2` is two names.
     """
+    row = split(line, mark)
     numbers = numbers_in(row)
-    if numbers < min(len(row), FEWEST_NUMBERS) or not row or (below and _counts_on(row)):
+    if numbers < min(len(row), FEWEST_NUMBERS) or not row or (data and _counts_on(row)):
+        return False
+    alike = [other for other in (split(below, mark) for below in data) if len(other) == len(row)]
+    if not alike and mark == " " and BESIDE_BLANKS.search(line):
         return False
     words = [k for k, cell in enumerate(row) if cell and not numbers_in([cell])]
-    return not any(numbers_in([other[k]]) for other in below if len(other) == len(row) for k in words)
+    return not any(numbers_in([other[k]]) for other in alike for k in words)
 
 
 def _counts_on(row: Sequence[str]) -> bool:
