@@ -99,31 +99,35 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
 
 
 def _below_remarks(rows: list[tuple[int, str]], source: str) -> list[tuple[int, str]]:
-    """The rows from the header on, the first with as many cells, most of them filled, as the first row of numbers that
-    others follow: loggers write of themselves above it. All rows where none is so. Raises `FileFormatError` for units
-    up there.
+    """The rows from the header on: loggers write of themselves above it. All rows where none is found. It is that of
+    the first numbers that others follow; few rows, or a cut one, may leave none such: then that of the first numbers.
+    Raises `FileFormatError` for units up there.
     """
-    each = ((k, mark, split(line, mark)) for k, (_, line) in enumerate(rows[:MOST_REMARKS]) for mark in SEPARATORS)
-    k, mark, width = next(
-        (
-            (k, mark, len(found))
-            for k, mark, found in each
-            if numbers_in(found) >= FEWEST_NUMBERS
-            and all(
-                len(below) == len(found) and numbers_in(below) > 0
-                for below in (split(line, mark) for _, line in rows[k + 1 : k + 1 + ALIKE])
-            )
-        ),
-        (0, "", 0),
+    lines = [line for _, line in rows[: MOST_REMARKS + ALIKE]]
+    each = ((k, mark, split(line, mark)) for k, line in enumerate(lines[:MOST_REMARKS]) for mark in SEPARATORS)
+    of_numbers = [(k, mark, len(found)) for k, mark, found in each if numbers_in(found) >= FEWEST_NUMBERS]
+    followed = (
+        (k, mark, width)
+        for k, mark, width in of_numbers
+        if all(
+            len(below) == width and numbers_in(below) > 0
+            for below in (split(line, mark) for line in lines[k + 1 : k + 1 + ALIKE])
+        )
     )
-    above = [split(line, mark) for _, line in rows[:k]]
-    filled = [len(found) == width and sum(map(bool, found)) >= FEWEST_NUMBERS for found in above]
-    of_labview = [len(_without_comment(found, width)) == width and found[-1].lower() == COMMENT for found in above]
-    counted = [False] * k + [k > 0 and _counts_on(split(rows[k][1], mark))]
-    header = next((each.index(True) for each in (of_labview, filled, counted) if True in each), 0)
+    firsts = [first for first in (next(followed, None), *of_numbers[:1]) if first is not None]
+    header = next((k for first in firsts if (k := _header_above(lines, *first)) is not None), 0)
     for row, line in rows[:header]:
         _refuse_units(line, f"{source}: row {row}")
     return rows[header:]
+
+
+def _header_above(lines: Sequence[str], first: int, mark: str, width: int) -> int | None:
+    """Which line is the header of the numbers that begin with the first: one with as many cells, most of them filled."""
+    above = [split(line, mark) for line in lines[:first]]
+    filled = [len(found) == width and sum(map(bool, found)) >= FEWEST_NUMBERS for found in above]
+    of_labview = [len(_without_comment(found, width)) == width and found[-1].lower() == COMMENT for found in above]
+    counted = [False] * first + [first > 0 and _counts_on(split(lines[first], mark))]
+    return next((each.index(True) for each in (of_labview, filled, counted) if True in each), None)
 
 
 def _without_comment(names: list[str], width: int) -> list[str]:
