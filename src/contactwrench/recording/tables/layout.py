@@ -29,7 +29,7 @@ SEPARATORS = ("\t", ";", ",", " ")
 SAMPLE = 10
 """Rows by which a separator is judged."""
 
-OTHER_UNITS = re.compile(r"-|%|[mk]?hz|[mµμ]?[va]|°?[ck]|k?pa|bar|min|h|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|")
+OTHER_UNITS = re.compile(r"-|[%‰]|[mk]?hz|[mµμ]?[va]|°?[ck]|k?pa|bar|min|h|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|")
 """Of columns that no recording needs, in small letters and without blanks. No number is a unit, so that no row of
 readings is taken for units.
 """
@@ -89,7 +89,7 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
     names = named_or_numbered(_names(header, separator, row, source))
     names = _without_comment(names, len(split(data[0], separator))) if data else names
     if data and _are_units(units := split(data[0], separator), names):
-        units = [UNREADABLE if NO_TEXT.search(unit) else in_ascii(unit).strip("[]() ") for unit in units]
+        units = [UNREADABLE if NO_TEXT in unit else in_ascii(unit).strip("[]() ") for unit in units]
         names = [
             f"{name.removesuffix(f' [{UNREADABLE}]')} [{unit}]" if unit not in NO_UNIT else name
             for name, unit in zip(names, units, strict=True)
@@ -122,7 +122,7 @@ def _below_remarks(rows: list[tuple[int, str]], source: str) -> list[tuple[int, 
 
 
 def _header_above(lines: Sequence[str], first: int, mark: str, width: int) -> int | None:
-    """Which line is the header of the numbers that begin with the first: one with as many cells, most of them filled."""
+    """Which line is the header of the numbers that begin with the first: as many cells, most of them filled."""
     above = [split(line, mark) for line in lines[:first]]
     filled = [len(found) == width and sum(map(bool, found)) >= FEWEST_NUMBERS for found in above]
     of_labview = [len(_without_comment(found, width)) == width and found[-1].lower() == COMMENT for found in above]
@@ -177,7 +177,7 @@ def _unit_in(remark: str) -> tuple[str, str, str] | None:
 
 def _words(remark: str) -> list[str]:
     words = re.findall(r"[\w·.*^°-]+", remark)
-    if NO_TEXT.search(remark):  # a letter may be the half of a sign before it
+    if NO_TEXT in remark:  # a letter may be the half of a sign before it
         apart = re.findall(r"(?<![0-9A-Za-z])[A-Za-z][A-Za-z-]+", remark)
         words += [*apart, *(word[1:] for word in apart)]
     return words
@@ -266,10 +266,10 @@ def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row is the units of the columns: each cell a word for a unit, empty, or in brackets and no number."""
     words = [in_ascii(unit).strip("[]() ").lower().replace(" ", "") for unit in units]
     sure = all(
-        _is_unit(word) or NO_TEXT.search(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
+        _is_unit(word) or NO_TEXT in word or (word != unit.lower() and (word == "1" or not is_number(word)))
         for word, unit in zip(words, (unit.replace(" ", "") for unit in units), strict=True)
     )
-    known = any(word not in NO_UNIT and not NO_TEXT.search(word) for word in words)
+    known = any(word not in NO_UNIT and NO_TEXT not in word for word in words)
     return sure and known and len(units) == len(names)
 
 
