@@ -115,6 +115,18 @@ def test_columns_named_by_numbers_beside_others_are_still_a_header(tmp_path: Pat
     assert_read(written(tmp_path, f"{header}\n{lines}"), orientation="auto")
 
 
+@pytest.mark.parametrize("separator", [" ; ", " ;", "; ", " , ", ", ", " \t ", "\t "])
+@pytest.mark.parametrize("rows", [len(ROWS), 1])
+def test_names_that_end_in_numbers_are_names_between_blanks_too(tmp_path: Path, separator: str, rows: int) -> None:
+    """Apart at the blanks they are six numbers: the table was taken for one without a header."""
+    header = separator.join(
+        ["force 1", "force 2", "force 3", "torque 1", "torque 2", "torque 3", "qx", "qy", "qz", "qw"]
+    )
+    lines = text(separator).splitlines(keepends=True)[:rows]
+    found = read(written(tmp_path, f"{header}\n{''.join(lines)}"))
+    assert found.wrench == pytest.approx(POSES.wrench[:rows], abs=1e-6)
+
+
 LOST = "expected what --wrench-columns names: name columns of the file"
 
 

@@ -100,3 +100,13 @@ def test_what_twincat_says_of_its_channels_is_refused_by_its_row(tmp_path: Path)
     one = f"Name\tScope01\nName\t{chr(9).join(NAMES)}\nNetId\t{chr(9).join(['172.16.8.205'] * 10)}\n"
     path = written(tmp_path, one + lines("\t", "{}\t"))
     assert refusal(path, **BY_ORDER).startswith("row 3, column Fx: found '172.16.8.205', expected a number")
+
+
+@pytest.mark.parametrize("end", ["1.5,2.5,3.5", "1,2,3,4,5,6.5,7", "End of file"])
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_few_rows_below_remarks_have_their_header_whatever_ends_them(tmp_path: Path, rows: int, end: str) -> None:
+    """The remark was taken for the header, and its words were complained about."""
+    numbers = "".join(lines(",").splitlines(keepends=True)[:rows])
+    path = written(tmp_path, f"Logger 3\nCell B\n{','.join(NAMES)}\n{numbers}{end}\n")
+    found = f"row {rows + 4}: found {end.count(',') + 1} value"
+    assert refusal(path, **BY_ORDER).startswith(found)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from contactwrench.errors import ContactWrenchError
-from contactwrench.recording.tables.text_cells import named_or_numbered
+from contactwrench.recording.tables.text_cells import named_or_numbered, of_unknown_code
 from tests.recording.test_columns_by_number import BY_NUMBER, POSES, assert_read, read, refusal, text
 from tests.support.recordings import run, written
 
@@ -63,11 +63,30 @@ def test_a_unit_in_a_remark_above_is_refused(tmp_path: Path, code: str) -> None:
 
 def test_what_windows_1252_and_utf_8_write_stays_a_name() -> None:
     western = ("Kräfte_x", "Größe Y", "Mx [N·m]", "Roll (°)", "Über", "force mesurée", "Nº", "Qualität (±)")
-    assert named_or_numbered(western) == list(western)
+    assert named_or_numbered([of_unknown_code(name.encode("cp1252")) for name in western]) == list(western)
     every = (*FORCES, "Сила X", "힘X", "トルク（N・m）", "Τροχός", "Síla")
     assert named_or_numbered(every) == list(every)
-    mixed = ("Fx", "Ñèëà Y (N)", "Ñ")
-    assert named_or_numbered(mixed) == ["Fx", "2 [N]", "3 [no UTF-8]"]
+    mixed = ("Fx", "Сила Y (N)", "С")
+    assert named_or_numbered([of_unknown_code(name.encode("cp1251")) for name in mixed]) == [
+        "Fx",
+        "2 [N]",
+        "3 [no UTF-8]",
+    ]
+
+
+@pytest.mark.parametrize("sign", ["Last ½", "1ª", "„Wert“", "‰", "© Labor", "Ñèëà"])
+def test_signs_in_utf_8_are_what_was_written(tmp_path: Path, sign: str) -> None:
+    """The name became a number, and so did each beside it that is not ASCII."""
+    head = f"Kräfte_x,Fy,Fz,Mx,My,Mz,qx,qy,qz,qw,{sign}\n"
+    content = head + "".join(f"{line},1\n" for line in text().splitlines())
+    columns = {"wrench_columns": "Kräfte_x,Fy,Fz,Mx,My,Mz", "orientation": "auto"}
+    assert_read(written(tmp_path, content), **columns)
+    units = content.replace(sign, "v").replace("\n", f"\nN,N,N,Nm,Nm,Nm,-,-,-,-,{sign}\n", 1)
+    path = written(tmp_path, units)
+    if sign == "‰":
+        assert_read(path, **columns)
+    else:
+        assert refusal(path, **columns).startswith("row 2, column Kräfte_x: found 'N'")
 
 
 @pytest.mark.parametrize("unit", ["（kgf）", "［kgf］", "【kgf】", "〔kgf〕", "(ｋｇｆ)"])

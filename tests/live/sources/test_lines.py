@@ -126,6 +126,23 @@ def test_a_reading_that_is_lost_is_a_flaw_and_the_stream_goes_on(lost: str) -> N
     assert only(both).flaw == "broken: no number"
 
 
+@pytest.mark.parametrize("lost", ["null", "NaN"])
+def test_a_reading_that_is_lost_in_a_list_is_a_flaw_too(lost: str) -> None:
+    lines = "".join(f'{{"t": {0.1 * k}, "wrench": [1, {lost if k == 1 else 2}, 3, 4, 5, 6]}}\n' for k in range(3))
+    batch = decoded(lines)
+    assert batch.notes == []
+    assert [sample.flaw for sample in batch.samples] == ["", "broken: no number", ""]
+
+
+@pytest.mark.parametrize("separator", [" ; ", " ;", "; ", " , ", ", ", " \t ", "\t "])
+def test_names_that_end_in_numbers_are_a_header_between_blanks_too(separator: str) -> None:
+    """It was refused as a row of numbers, and each sample below it."""
+    names = "t,force 1,force 2,force 3,torque 1,torque 2,torque 3"
+    row = "0.1,1,2,3,4,5,6"
+    sample = only(decoded(f"{names}\n{row}\n".replace(",", separator)))
+    assert (sample.device, sample.wrench) == (0.1, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+
+
 def test_what_is_no_json_otherwise_is_no_sample() -> None:
     batch = decoded('{"fx": NaNo, "fy": 0}\n{"NaN": NaN}\n{"qx": NaN, "qy": 0, "qz": 0, "qw": 1}\n')
     assert batch.samples == []

@@ -132,14 +132,12 @@ def _object(line: bytes) -> Any:
 
 
 def _flat(values: Any) -> dict[str, float]:
-    """Numbers by name, those of a list as `name[0]`. Raises `ValueError`."""
+    """Numbers by name, those of a list as `name[0]`; null is NaN. Raises `ValueError`."""
     found: dict[str, float] = {}
     for name, value in values.items():
         for k, each in enumerate(value) if isinstance(value, list) else [(None, value)]:
-            if isinstance(each, int | float):
-                found[name if k is None else f"{name}[{k}]"] = each
-            elif each is None:
-                found[name] = nan
+            if each is None or isinstance(each, int | float):
+                found[name if k is None else f"{name}[{k}]"] = nan if each is None else each
     return found
 
 

@@ -22,7 +22,7 @@ from ...files import blocks_of_lines, name_of
 from ...geometry.arrays import Array
 from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Column, Naming, OpenTable, places_of, shown
 from .layout import Layout, is_row, layout_of, refuse_units_above
-from .text_cells import PERHAPS_DOTTED, cells, no_number, split, value
+from .text_cells import PERHAPS_DOTTED, cells, no_number, of_unknown_code, split, value
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", "")
 
@@ -118,7 +118,7 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
                 raise FileFormatError(
                     f"{source}: row {where}: found a byte that is no UTF-8, expected UTF-8: save it as that"
                 ) from None
-            text = content.decode("cp1252", errors="replace")  # names and remarks; no number has such a byte
+            text = of_unknown_code(content)
         text = text.replace("\N{MINUS SIGN}", "-")
         if "\r" in text:
             text = text.replace("\r\n", "\n").replace("\r", "\n")

@@ -29,7 +29,7 @@ SEPARATORS = ("\t", ";", ",", " ")
 SAMPLE = 10
 """Rows by which a separator is judged."""
 
-OTHER_UNITS = re.compile(r"-|%|[mk]?hz|[mµμ]?[va]|°?[ck]|k?pa|bar|min|h|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|")
+OTHER_UNITS = re.compile(r"-|[%‰]|[mk]?hz|[mµμ]?[va]|°?[ck]|k?pa|bar|min|h|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|")
 """Of columns that no recording needs, in small letters and without blanks. No number is a unit, so that no row of
 readings is taken for units.
 """
@@ -47,6 +47,8 @@ COLUMN_OF = {"force": "fx", "torque": "tx", "time": "t", "angle": "roll", "lengt
 USUAL = ("N", "N m", "s", "deg", "m")
 """Columns by which a unit is shown, and the units of those that state none."""
 OF_FORCE, OF_TORQUE = re.compile("forc|kraft", re.IGNORECASE), re.compile("torque|moment", re.IGNORECASE)
+BESIDE_BLANKS = re.compile(r"[\t;]|\s,|,\s")
+"""What parts cells itself; a comma between digits may be a decimal one."""
 COUNTS = re.compile(r"\bcounts? (?:per|/)", re.IGNORECASE)
 """Of numbers that are to be divided by as many."""
 OF_UNITS = re.compile(r"unit|einheit|pound|ounce|kilogram|\b(?:kg|oz|ozf)\b", re.IGNORECASE)
@@ -81,13 +83,13 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
         return None
     row, header = (rows := _below_remarks(rows, source))[0]
     data = [line for _, line in rows[1:]]
-    if any(_is_reading(split(header, mark), [split(line, mark) for line in data[:SAMPLE]]) for mark in SEPARATORS):
+    if any(_is_reading(header, data[:SAMPLE], mark) for mark in SEPARATORS):
         return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
     names = named_or_numbered(_names(header, separator, row, source))
     names = _without_comment(names, len(split(data[0], separator))) if data else names
     if data and _are_units(units := split(data[0], separator), names):
-        units = [UNREADABLE if NO_TEXT.search(unit) else in_ascii(unit).strip("[]() ") for unit in units]
+        units = [UNREADABLE if NO_TEXT in unit else in_ascii(unit).strip("[]() ") for unit in units]
         names = [
             f"{name.removesuffix(f' [{UNREADABLE}]')} [{unit}]" if unit not in NO_UNIT else name
             for name, unit in zip(names, units, strict=True)
@@ -97,31 +99,35 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
 
 
 def _below_remarks(rows: list[tuple[int, str]], source: str) -> list[tuple[int, str]]:
-    """The rows from the header on, the first with as many cells, most of them filled, as the first row of numbers that
-    others follow: loggers write of themselves above it. All rows where none is so. Raises `FileFormatError` for units
-    up there.
+    """The rows from the header on: loggers write of themselves above it. All rows where none is found. It is that of
+    the first numbers that others follow; few rows, or a cut one, may leave none such: then that of the first numbers.
+    Raises `FileFormatError` for units up there.
     """
-    each = ((k, mark, split(line, mark)) for k, (_, line) in enumerate(rows[:MOST_REMARKS]) for mark in SEPARATORS)
-    k, mark, width = next(
-        (
-            (k, mark, len(found))
-            for k, mark, found in each
-            if numbers_in(found) >= FEWEST_NUMBERS
-            and all(
-                len(below) == len(found) and numbers_in(below) > 0
-                for below in (split(line, mark) for _, line in rows[k + 1 : k + 1 + ALIKE])
-            )
-        ),
-        (0, "", 0),
+    lines = [line for _, line in rows[: MOST_REMARKS + ALIKE]]
+    each = ((k, mark, split(line, mark)) for k, line in enumerate(lines[:MOST_REMARKS]) for mark in SEPARATORS)
+    of_numbers = [(k, mark, len(found)) for k, mark, found in each if numbers_in(found) >= FEWEST_NUMBERS]
+    followed = (
+        (k, mark, width)
+        for k, mark, width in of_numbers
+        if all(
+            len(below) == width and numbers_in(below) > 0
+            for below in (split(line, mark) for line in lines[k + 1 : k + 1 + ALIKE])
+        )
     )
-    above = [split(line, mark) for _, line in rows[:k]]
-    filled = [len(found) == width and sum(map(bool, found)) >= FEWEST_NUMBERS for found in above]
-    of_labview = [len(_without_comment(found, width)) == width and found[-1].lower() == COMMENT for found in above]
-    counted = [False] * k + [k > 0 and _counts_on(split(rows[k][1], mark))]
-    header = next((each.index(True) for each in (of_labview, filled, counted) if True in each), 0)
+    firsts = [first for first in (next(followed, None), *of_numbers[:1]) if first is not None]
+    header = next((k for first in firsts if (k := _header_above(lines, *first)) is not None), 0)
     for row, line in rows[:header]:
         _refuse_units(line, f"{source}: row {row}")
     return rows[header:]
+
+
+def _header_above(lines: Sequence[str], first: int, mark: str, width: int) -> int | None:
+    """Which line is the header of the numbers that begin with the first: as many cells, most of them filled."""
+    above = [split(line, mark) for line in lines[:first]]
+    filled = [len(found) == width and sum(map(bool, found)) >= FEWEST_NUMBERS for found in above]
+    of_labview = [len(_without_comment(found, width)) == width and found[-1].lower() == COMMENT for found in above]
+    counted = [False] * first + [first > 0 and _counts_on(split(lines[first], mark))]
+    return next((each.index(True) for each in (of_labview, filled, counted) if True in each), None)
 
 
 def _without_comment(names: list[str], width: int) -> list[str]:
@@ -171,21 +177,26 @@ def _unit_in(remark: str) -> tuple[str, str, str] | None:
 
 def _words(remark: str) -> list[str]:
     words = re.findall(r"[\w·.*^°-]+", remark)
-    if NO_TEXT.search(remark):  # a letter may be the half of a sign before it
+    if NO_TEXT in remark:  # a letter may be the half of a sign before it
         apart = re.findall(r"(?<![0-9A-Za-z])[A-Za-z][A-Za-z-]+", remark)
         words += [*apart, *(word[1:] for word in apart)]
     return words
 
 
-def _is_reading(row: Sequence[str], below: Sequence[Sequence[str]]) -> bool:
+def _is_reading(line: str, data: Sequence[str], mark: str) -> bool:
     """Whether a row above others is numbers, not names: all of it, or a wrench at least, beside what is no number in
-    the others either, as a time of day. Whole numbers that count on are the names that pandas gives.
+    the others either, as a time of day. Whole numbers that count on are the names that pandas gives. Where no other is
+    as wide, blanks about a separator part no cells: `force 1 ; force 2` is two names.
     """
+    row = split(line, mark)
     numbers = numbers_in(row)
-    if numbers < min(len(row), FEWEST_NUMBERS) or not row or (below and _counts_on(row)):
+    if numbers < min(len(row), FEWEST_NUMBERS) or not row or (data and _counts_on(row)):
+        return False
+    alike = [other for other in (split(below, mark) for below in data) if len(other) == len(row)]
+    if not alike and mark == " " and BESIDE_BLANKS.search(line):
         return False
     words = [k for k, cell in enumerate(row) if cell and not numbers_in([cell])]
-    return not any(numbers_in([other[k]]) for other in below if len(other) == len(row) for k in words)
+    return not any(numbers_in([other[k]]) for other in alike for k in words)
 
 
 def _counts_on(row: Sequence[str]) -> bool:
@@ -255,10 +266,10 @@ def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row is the units of the columns: each cell a word for a unit, empty, or in brackets and no number."""
     words = [in_ascii(unit).strip("[]() ").lower().replace(" ", "") for unit in units]
     sure = all(
-        _is_unit(word) or NO_TEXT.search(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
+        _is_unit(word) or NO_TEXT in word or (word != unit.lower() and (word == "1" or not is_number(word)))
         for word, unit in zip(words, (unit.replace(" ", "") for unit in units), strict=True)
     )
-    known = any(word not in NO_UNIT and not NO_TEXT.search(word) for word in words)
+    known = any(word not in NO_UNIT and NO_TEXT not in word for word in words)
     return sure and known and len(units) == len(names)
 
 

@@ -15,18 +15,25 @@ PERHAPS_DOTTED = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 CLOCK = re.compile(r"\d[-/.:]\d+[-/.:]\d")
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[., '\u2019\u00a0\u202f]\d{3})+(?:[.,]\d+)?")
 
-NO_TEXT = re.compile("[\ufffd¡¢£¤¥¦¨©ª¬®¯¸¹¼½¾¿¶‚ƒ„†‡ˆ‰‹›]|[–—‘“”•˜™][À-ÿ]|[À-ÿ]{3}")
-"""What names of another code, as Shift JIS, GBK, EUC-KR, and Windows' 1251, become where it is not known and 1252 is
-taken for it, and what no name in that has. Brackets of full width always become so, and any unit in them.
+_no_text = re.compile("[\ufffd¡¢£¤¥¦¨©ª¬®¯¸¹¼½¾¿¶‚ƒ„†‡ˆ‰‹›]|[–—‘“”•˜™][À-ÿ]|[À-ÿ]{3}").sub
+NO_TEXT = "\N{REPLACEMENT CHARACTER}"
+"""What no name in Windows' 1252 has, and names of another code, as Shift JIS, GBK, EUC-KR, and Windows' 1251, become
+where that is taken for it; and what stands instead. Brackets of full width always become so, and any unit in them. In
+UTF-8 the same signs are what was written.
 """
 UNIT_AT_END = re.compile(r"[\[(]([\w\s/*.^%-]+)[\])]\s*$", re.ASCII)
+
+
+def of_unknown_code(content: bytes) -> str:
+    """Text that is no UTF-8: names and remarks, as no number has such a byte."""
+    return _no_text(lambda found: NO_TEXT * len(found[0]), content.decode("cp1252", errors="replace"))
 
 
 def named_or_numbered(names: Sequence[str]) -> list[str]:
     """The columns' names; in a code that is not known, instead of one that nobody can read or type, its number, from 1,
     with its unit: that which is in brackets and can be read, else `UNREADABLE`.
     """
-    if not any(map(NO_TEXT.search, names)):
+    if not any(NO_TEXT in name for name in names):
         return list(names)
     units = [UNIT_AT_END.search(name) for name in names]
     known = [unit[1] if unit is not None else UNREADABLE for unit in units]
