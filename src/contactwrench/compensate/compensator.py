@@ -148,7 +148,8 @@ class Compensator:
             InputError: a shape, no numbers, a rate that is too low for a cut-off, or a call while another runs.
         """
         reading, turn = numbers(wrench, "wrench"), numbers_of(orientation)
-        place = NOTHING_TOLD if position is acceleration is None else told(self._calibration, position, acceleration)
+        at_rest = position is None and acceleration is None
+        place = NOTHING_TOLD if at_rest else told(self._calibration, position, acceleration)
         require_one(reading, turn, place)
         t = t if isinstance(t, float) else number(seconds(t), "t")
         heat = nan if temperature is None and not self._by_heat else number(heat_told(temperature), "temperature")
@@ -243,8 +244,7 @@ class Compensator:
         mean, variance, R = free_mean(self._calibration, samples, self._noise if s.knows_noise else None)
         start_anew(s, mean, variance, R)
         s.spoiled, s.fresh, s.touching, s.run = True, WRENCH_ALONE, False, 0
-        variance = variance + self._calibration.wrench_covariance(R).diagonal() + np.array(s.between)
-        return Zero(mean - before, np.sqrt(variance))
+        return Zero(mean - before, np.sqrt(self._calibration.wrench_covariance(R).diagonal() + s.between + variance))
 
     @property
     def last_contact(self) -> Contact | None:

@@ -43,19 +43,22 @@ def log_either(
         of_J = of_J.transpose(1, 0, 2, 3)  # (m, c, 6, p) of courses
         grown, covariance = np.multiply.outer(members.strength[here], size) ** 2, members.covariance[here]
         alone, shown = grown / (1.0 + grown), 6.0 * grown / (1.0 + 6.0 * grown)  # as strong on all axes together
-        pull = np.einsum("mc,mcap,mca->mp", alone, of_J, courses)
-        told = inverse_of(covariance) + np.einsum("mc,mcap,mcaq->mpq", alone, of_J, of_J)
+        flat, weighted = (each.reshape(len(here), -1, J.shape[2]) for each in (of_J, alone[:, :, None, None] * of_J))
+        pull = np.swapaxes(weighted, 1, 2) @ courses.reshape(len(here), -1, 1)
+        told = inverse_of(covariance) + np.swapaxes(weighted, 1, 2) @ flat
         left = courses
         for _ in range(PASSES):
             value, vectors = np.linalg.eigh(np.swapaxes(left, 1, 2) @ (left * shown[:, :, None]))
-            along_J, along = (np.einsum("mca...,ma->mc...", each, vectors[:, :, -1]) for each in (of_J, courses))
-            information = told - np.einsum("mc,mcp,mcq->mpq", shown, along_J, along_J)
-            gradient = pull - np.einsum("mc,mcp,mc->mp", shown, along_J, along)
-            step = (inverse_of(information) @ gradient[:, :, None])[:, :, 0]
-            left = courses - np.einsum("mcap,mp->mca", of_J, step)
+            direction = vectors[:, :, -1:]
+            along, along_J = courses @ direction, (np.swapaxes(direction, 1, 2)[:, None] @ of_J)[:, :, 0]
+            shown_J = np.swapaxes(shown[:, :, None] * along_J, 1, 2)
+            information, gradient = told - shown_J @ along_J, pull - shown_J @ along
+            step = inverse_of(information) @ gradient
+            left = courses - (of_J @ step[:, None])[:, :, :, 0]
         costs = np.linalg.slogdet(information)[1] + np.linalg.slogdet(covariance)[1]
         costs += np.log((value[:, -1:] - value[:, :-1]) / BLUNT + 1.0).sum(axis=1)
-        gain = np.sum(shown * along**2 - alone * np.sum(courses**2, axis=2), axis=1) + np.sum(gradient * step, axis=1)
+        gain = np.sum(shown * along[:, :, 0] ** 2 - alone * np.sum(courses**2, axis=2), axis=1)
+        gain += np.sum(gradient * step, axis=(1, 2))
         gain += np.sum(6.0 * np.log1p(grown) - np.log1p(6.0 * grown), axis=1)
         either[here] = np.logaddexp(np.log(1.0 - SHARED), np.log(SHARED) + 0.5 * (gain - costs))
     return either

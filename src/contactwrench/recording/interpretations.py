@@ -30,7 +30,7 @@ from .written_poses import Written, poses_of, rows_as_written
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
 SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
-"""What a change costs, in changes as likely as a wrong flag (see diagnose.py): the rarer the mistake, the more."""
+"""What a change costs, in changes as likely as a wrong option (see diagnose.py): the rarer the mistake, the more."""
 
 UNITS_OF_SENSORS = {
     "N": ("N m", "N mm", "N cm", "kgf cm", "lbf in"),
@@ -172,7 +172,7 @@ def _candidates(
     for named in CONVENTIONS.values():
         for order in (as_they_stand, another) if len(named.columns) == k else ():
             columns = tuple(names[place] for place in order)
-            yield (_flag(named, columns), "", (), NAMED, named.to_matrices, numbers[:, order])
+            yield (_option(named, columns), "", (), NAMED, named.to_matrices, numbers[:, order])
 
 
 def _of_angles(
@@ -204,8 +204,8 @@ def _of_angles(
             if by_option or (not fitting and letters == "rotvec"):
                 of_angle, fitting = f"angle={unit}", named
             best = min(fitting, key=lambda c: c.columns != _bare(names), default=None)
-            flag = _flag(best, names) if best else f"euler:{letters}:{unit}:{','.join(names)}"
-            yield (flag, of_angle, (rename,) if must_rename else (), cost, to_matrices, angles)
+            option = _option(best, names) if best else f"euler:{letters}:{unit}:{','.join(names)}"
+            yield (option, of_angle, (rename,) if must_rename else (), cost, to_matrices, angles)
 
 
 @cache
@@ -227,7 +227,7 @@ def _bare(columns: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(re.sub(r"\s*[\[(][^])]*[\])]$|_(deg|rad)$", "", name).lower() for name in columns)
 
 
-def _flag(named: Convention, columns: tuple[str, ...]) -> str:
+def _option(named: Convention, columns: tuple[str, ...]) -> str:
     """What --orientation takes for a convention of these columns: its name alone where they bear its names."""
     return named.name if _bare(columns) == named.columns else f"{named.name}:{','.join(columns)}"
 

@@ -116,17 +116,16 @@ class UrDecoder:
         if device is None:
             return
         x, y, z, *vector = values[places["actual_TCP_pose"]]
-        turn, position, lever = from_rotation_vector(*vector), (x, y, z), (0.0, 0.0, 0.0)
+        turn, (dx, dy, dz) = from_rotation_vector(*vector), (0.0, 0.0, 0.0)  # from the flange to the TCP, base axes
         if "tcp_offset" in places and any(offset := values[places["tcp_offset"]]):
             turn = product(turn, inverse(from_rotation_vector(*offset[3:])))
-            lever = dx, dy, dz = rotated(turn, offset[:3])
-            position = x - dx, y - dy, z - dz
+            dx, dy, dz = rotated(turn, offset[:3])
+        position = x - dx, y - dy, z - dz
         joints = values[places["actual_q"]] if "actual_q" in places else None
         wrench: Six | None = None
         if self._wrench is not None:
             fx, fy, fz, tx, ty, tz = wrench = values[self._wrench]
-            if self._at_tcp:  # all in base axes
-                dx, dy, dz = lever
+            if self._at_tcp:
                 tx, ty, tz = tx + dy * fz - dz * fy, ty + dz * fx - dx * fz, tz + dx * fy - dy * fx
             if self._to_flange:
                 back = inverse(turn)
