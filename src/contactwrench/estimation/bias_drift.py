@@ -93,6 +93,17 @@ class Kernels:
     strength: Array
     log_prior: Array
 
+    def joined(self, drifts: list[Drift], log_prior: list[float]) -> Kernels:
+        """These and others: every one of the `drifts`, of a prior each, at every strength."""
+        strengths = [drift.strengths for drift in drifts]
+        each = np.array([len(of_drift) for of_drift in strengths], dtype=np.intp)
+        return Kernels(
+            (*self.drifts, *drifts),
+            np.r_[self.drift, len(self.drifts) + np.repeat(np.arange(len(drifts)), each)],
+            np.concatenate([self.strength, *strengths]),
+            np.r_[self.log_prior, np.repeat(np.array(log_prior, dtype=np.float64) - np.log(each), each)],
+        )
+
     def select(self, kept: NDArray[np.intp]) -> Kernels:
         """The kernels of an index."""
         return Kernels(self.drifts, self.drift[kept], self.strength[kept], self.log_prior[kept])
@@ -140,17 +151,10 @@ def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float
     return drifts, each
 
 
-def kernels_of(n: int, drifts: list[Drift], log_prior: list[float], steady: bool = True) -> Kernels:
-    """Every drift of n poses at every strength; first a `steady` bias."""
-    strengths = [drift.strengths for drift in drifts]
-    each = np.array([len(of_drift) for of_drift in strengths], dtype=np.intp)
-    kernels = Kernels(
-        (Drift(None, np.zeros((n, 0))), *drifts),
-        np.r_[0, np.repeat(np.arange(1, len(drifts) + 1), each)].astype(np.intp),
-        np.concatenate([[0.0], *strengths]),
-        np.r_[0.0, np.repeat(np.array(log_prior, dtype=np.float64) - np.log(each), each)],
-    )
-    return kernels if steady else kernels.select(np.arange(1, len(kernels.drift)))
+def kernels_of(n: int, drifts: list[Drift], log_prior: list[float]) -> Kernels:
+    """Every drift of n poses at every strength; first a steady bias."""
+    steady = Kernels((Drift(None, np.zeros((n, 0))),), np.zeros(1, dtype=np.intp), np.zeros(1), np.zeros(1))
+    return steady.joined(drifts, log_prior)
 
 
 def _step(n: int, first_after: int, least: float) -> Drift:

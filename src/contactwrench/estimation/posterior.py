@@ -7,6 +7,7 @@ comes near the likeliest stays in the mean.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,21 @@ from numpy.typing import NDArray
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import RigidTool, wrench_jacobian
-from .bias_drift import Drift, kernels_of
+from .bias_drift import Drift
 from .hypotheses import Hypothesis
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
 from .problem import Problem
 from .robot_errors import turns_across_gravity
-from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, settled, settled_beside, table_at
+from .tables import (
+    FAR,
+    Table,
+    covariance_of_errors,
+    explained,
+    near_kernels,
+    settled,
+    shown_at_a_glance,
+    table_at,
+)
 
 DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
@@ -66,35 +76,33 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
                 break
             now = better
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
-    first = found[0]
-    sides = [side for table in (first, tables[everything.tobytes()]) for side in _two_sides(problem, table)]
-    proposed = {kept.tobytes(): kept for kept in (on_a_level, *(t.kept for t in found[:MOST_AS_LEVELS]), *sides)}
-    of_levels = [
-        settled_beside(_as_two_levels(problem, kept), first)
-        for kept in proposed.values()
-        if np.isfinite(log_prior_two_levels(len(kept), int(np.sum(~kept))))
-    ]
-    whole = sorted([*found, *filter(None, of_levels)], key=lambda table: -table.log_evidence)
-    first = whole[0]
-    others = [t for t in whole[1:] if t.log_evidence > first.log_evidence - FAR]
-    return [
-        first,
-        *(
-            t
-            if t.tool is first.tool and t.kernels is not problem.kernels  # of levels; others saw near kernels only
-            else table_at(replace(problem, kernels=t.kernels), first.tool, t.kept, hypotheses, t)
-            for t in others
-        ),
-    ]
+    proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
+    proposed += [side for table in (found[0], tables[everything.tobytes()]) for side in _two_sides(problem, table)]
+    problem, levels = _with_levels(problem, found[0], proposed)
+    if len(levels):
+        near, start = np.r_[near_kernels(found), levels], tables[everything.tobytes()]
+        tables[everything.tobytes()] = settled(problem, found[0].tool, everything, hypotheses, near, start)
+    first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
+    first = replace(first, kernels=problem.kernels)
+    others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
+    return [first, *(table_at(problem, first.tool, table.kept, hypotheses, table) for table in others)]
 
 
-def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
-    """The problem in which the poses left out are no outliers, but on one of two levels, as backlash makes them, the
-    constant halfway between.
+def _with_levels(problem: Problem, first: Table, proposed: list[NDArray[np.bool_]]) -> tuple[Problem, NDArray[np.intp]]:
+    """The problem in which the poses left out of a set that is `proposed` may be no outliers, but on one of two levels,
+    as backlash makes them, the constant halfway between; and those of these kernels that may show.
     """
-    log_prior = log_prior_two_levels(len(kept), int(np.sum(~kept)))
-    levels = Drift(Kind.TWO_LEVELS, np.where(kept, 0.5, -0.5)[:, None])
-    return replace(problem, kernels=kernels_of(len(kept), [levels], [log_prior], steady=False))
+    n, known = len(problem.wrench), len(problem.kernels.drift)
+    sets = list({kept.tobytes(): kept for kept in proposed}.values())
+    log_prior = [log_prior_two_levels(n, int(np.sum(~kept))) for kept in sets]
+    levels = [Drift(Kind.TWO_LEVELS, np.where(kept, 0.5, -0.5)[:, None]) for kept in sets]
+    possible = np.isfinite(log_prior)
+    kernels = problem.kernels.joined(list(compress(levels, possible)), list(compress(log_prior, possible)))
+    if len(kernels.drift) == known:
+        return problem, np.empty(0, dtype=np.intp)
+    problem, everything = replace(problem, kernels=kernels), np.ones(n, dtype=bool)
+    look = np.r_[0, np.arange(known, len(kernels.drift))]
+    return problem, shown_at_a_glance(problem, first.tool, everything, first.hypotheses, look)[1:]
 
 
 def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:

@@ -78,11 +78,10 @@ def estimated(
         members = tables[0].members
         found = np.exp(members.log_evidence - tables[0].log_evidence) @ members.variance
         of_stops = min(float(np.mean(readings.least_variance / found)), 1.0)
-        problem = replace(problem, relative=1.0 - of_stops + of_stops * relative)
-        problems = [replace(problem, kernels=table.kernels) for table in tables]
-        first = settled(problems[0], tables[0].tool, tables[0].kept, tables[0].hypotheses)
-        others = zip(problems[1:], tables[1:], strict=True)
-        tables = [first, *(table_at(own, first.tool, table.kept, table.hypotheses) for own, table in others)]
+        relative, kernels = 1.0 - of_stops + of_stops * relative, tables[0].kernels
+        problem = replace(problem, relative=relative, kernels=kernels)
+        first = settled(problem, tables[0].tool, tables[0].kept, tables[0].hypotheses)
+        tables = [first, *(table_at(problem, first.tool, other.kept, other.hypotheses) for other in tables[1:])]
     return mean_of(problem, tables, readings, plain)
 
 
@@ -149,11 +148,12 @@ def _tables_from(problem: Problem, plain: bool, begin: RigidTool | None, before:
         return best
     rivals = [(m, b) for m, b in ((True, True), (False, True), (True, False)) if m >= mounting and b >= base]
     rivals = [pair for pair in rivals if pair != (mounting, base)]
-    near = near_kernels(best[:1]) if best[0].kernels is problem.kernels else None
+    near = near_kernels(best[:1])
+    of_levels = near[-1] >= len(problem.kernels.drift)  # which are that table's own
     found = [best]
     for any_mounting, any_base in rivals:
         hypotheses = hypotheses_of(question, any_mounting, any_base)
-        rival = settled(problem, anywhere, best[0].kept, hypotheses, near)
+        rival = settled(problem, anywhere, best[0].kept, hypotheses, None if of_levels else near)
         if rival.log_evidence > best[0].log_evidence - CLOSE_RIVAL:
             found.append(look(problem, rival.tool, hypotheses))
     return max(found, key=lambda tables: tables[0].log_evidence)

@@ -38,9 +38,12 @@ LOOK = 2
 FEW_PAIRS = 60
 """Of kernels and hypotheses, of which each is looked at closely; or of kernels, at none of which with a glance."""
 
-STRAIGHT, BENT = 0.01, 1.0
+STRAIGHT, BENT = 0.03, 1.0
 """Standard deviations that readings and priors differ from their linearisation: up to the first it will do, from the
 second on all kernels are looked at again."""
+
+NO_NEARER = 0.5
+"""Of what it was: members that come and go about their mean would go round for ever."""
 
 LONG_WAY = 3.0
 """Standard deviations: after a longer step they are, too."""
@@ -96,11 +99,13 @@ def table_at(
 
 
 def _seen(problem: Problem, kept: NDArray[np.bool_], among: NDArray[np.intp] | None) -> NDArray[np.intp]:
-    """The kernels `among` which to look, all if None, but for steps after the last pose kept, which show nowhere."""
+    """The kernels `among` which to look, all if None, but for those that show nowhere: of the poses kept all are alike
+    before a step after the last of them, or on one of two levels.
+    """
     among = np.arange(len(problem.kernels.drift)) if among is None else among
-    last = np.flatnonzero(kept)[-1]
-    unseen = np.array([(drift.first_after or 0) > last for drift in problem.kernels.drifts])
-    return np.asarray(among[~unseen[problem.kernels.drift[among]]])
+    drifts = problem.kernels.drifts
+    alike = np.array([drift.kind is not None and not np.ptp(drift.columns[kept], axis=0).any() for drift in drifts])
+    return np.asarray(among[~alike[problem.kernels.drift[among]]])
 
 
 def _untouched(
@@ -113,14 +118,9 @@ def _untouched(
     """The members in which the robot's orientation is right: every kernel that shows under the widest hypothesis, every
     hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
     """
-    n, relative, W = len(problem.wrench), problem.relative[kept], columns_of_axes(tool, problem.names)
-    X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
+    among = shown_at_a_glance(problem, tool, kept, hypotheses, among) if len(among) > FEW_PAIRS else among
+    X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
     priors, kernels = problem.priors_at(tool, hypotheses), problem.kernels.select(among)
-    if len(among) > FEW_PAIRS and among[0] == 0:
-        steady, widest = moments_of(X, relative, kernels.select(among[:1]), W, kept), np.array([len(hypotheses) - 1])
-        alone = solved(steady, kernels, priors, (among[:1], widest), problem.noise, LOOK)
-        shows = np.flatnonzero(log_odds(X, relative, kernels, W, kept, alone) > -NEAR_AT_A_GLANCE)
-        among, kernels = among[shows], kernels.select(shows)
     moments = moments_of(X, relative, kernels, W, kept)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
     if len(k) > FEW_PAIRS:
@@ -133,6 +133,26 @@ def _untouched(
     members = solved(moments, kernels, priors, (k, h), problem.noise)
     members = _near(replace(_sized(problem, Table(tool, priors, hypotheses, kept, kernels, members)), kernel=among[k]))
     return Table(tool, priors, hypotheses, kept, problem.kernels, members)
+
+
+def shown_at_a_glance(
+    problem: Problem,
+    tool: RigidTool,
+    kept: NDArray[np.bool_],
+    hypotheses: tuple[Hypothesis, ...],
+    among: NDArray[np.intp],
+) -> NDArray[np.intp]:
+    """Of the kernels `among` which to look, those that may come near a steady bias, the first of them."""
+    X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
+    priors, kernels, steady = problem.priors_at(tool, hypotheses[-1:]), problem.kernels.select(among), np.zeros(1, int)
+    moments = moments_of(X, relative, kernels.select(steady), W, kept)
+    alone = solved(moments, kernels, priors, (steady, steady), problem.noise, LOOK)
+    return np.asarray(among[log_odds(X, relative, kernels, W, kept, alone) > -NEAR_AT_A_GLANCE])
+
+
+def _rows(problem: Problem, tool: RigidTool, kept: NDArray[np.bool_]) -> Array:
+    """Of the poses kept, `[vec(R), error]` (m, 15)."""
+    return np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(tool)], axis=1)[kept]
 
 
 def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby: Table | None = None) -> Table:
@@ -235,36 +255,19 @@ def settled(
     far from where the readings point, they would take up what is no error of it; they begin where a table `nearby` has
     them.
     """
-    return _turns_last(problem, _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among)), among, nearby)
-
-
-def _turns_last(problem: Problem, table: Table, among: NDArray[np.intp] | None, nearby: Table | None = None) -> Table:
-    """The table near its own mean, and then with turns."""
+    table = _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among))
     table = _centred(replace(problem, robot=()), table, among)
-    turned = _with_turns(problem, table, _seen(problem, table.kept, among), nearby)
+    turned = _with_turns(problem, table, _seen(problem, kept, among), nearby)
     return _weighed(problem, _centred(problem, turned, among) if (turned.members.robot >= 0).any() else table)
 
 
-def settled_beside(problem: Problem, first: Table) -> Table | None:
-    """The table of all poses near the `first`, with turns if that has any; None where it comes nowhere near."""
-    kept, kernels = np.ones(len(first.kept), dtype=bool), np.arange(len(problem.kernels.drift))
-    table, with_turns = _untouched(problem, first.tool, kept, first.hypotheses, kernels), first.members.robot.max() >= 0
-    table = _with_turns(problem, table, kernels) if with_turns else table
-    if _weighed(problem, table).log_evidence < first.log_evidence - 2.0 * FAR:  # linearised elsewhere
-        return None
-    if with_turns:
-        return _weighed(problem, _centred(problem, table, None))
-    table = _centred(replace(problem, robot=()), table, None)
-    near = _weighed(problem, table).log_evidence > first.log_evidence - FAR
-    return _turns_last(problem, table, None) if near else None
-
-
 def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> Table:
+    bent = np.inf
     for _ in range(CENTRINGS):
-        step = np.exp(table.members.log_evidence - table.log_evidence) @ table.members.step
+        step, before = np.exp(table.members.log_evidence - table.log_evidence) @ table.members.step, bent
         moved = problem.stepped(table.tool, step)
         bent = _bent(problem, table, step, moved)
-        if bent < STRAIGHT:
+        if bent < STRAIGHT or NO_NEARER * before < bent < BENT:
             break
         std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
         anew = bent > BENT or float(np.max(np.abs(step) / std)) > LONG_WAY
