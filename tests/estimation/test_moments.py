@@ -14,7 +14,8 @@ from contactwrench.estimation.noise import ALIKE, APART, NoiseModel, StatedNoise
 from contactwrench.estimation.posterior import deleted_errors
 from contactwrench.estimation.priors import PriorRows, Question
 from contactwrench.estimation.problem import Problem
-from contactwrench.estimation.tables import Table, settled
+from contactwrench.estimation.settling import settled
+from contactwrench.estimation.tables import Table
 from contactwrench.model import PARAMETERS, RigidTool
 from tests.support.rigs import NOISE, example
 from tests.support.world import Array, Rig, derivatives, noisy_readings

@@ -20,16 +20,8 @@ from .hypotheses import Hypothesis
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
 from .problem import Problem
 from .robot_errors import turns_across_gravity
-from .tables import (
-    FAR,
-    Table,
-    covariance_of_errors,
-    explained,
-    near_kernels,
-    settled,
-    shown_at_a_glance,
-    table_at,
-)
+from .settling import settled, with_kernels
+from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, shown_at_a_glance, table_at
 
 DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
@@ -78,31 +70,26 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
     proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
     proposed += [side for table in (found[0], tables[everything.tobytes()]) for side in _two_sides(problem, table)]
-    problem, levels = _with_levels(problem, found[0], proposed)
-    if len(levels):
-        near, start = np.r_[near_kernels(found), levels], tables[everything.tobytes()]
-        tables[everything.tobytes()] = settled(problem, found[0].tool, everything, hypotheses, near, start)
+    problem, tables[everything.tobytes()] = _with_levels(problem, tables[everything.tobytes()], proposed)
     first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
     first = replace(first, kernels=problem.kernels)
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
     return [first, *(table_at(problem, first.tool, table.kept, hypotheses, table) for table in others)]
 
 
-def _with_levels(problem: Problem, first: Table, proposed: list[NDArray[np.bool_]]) -> tuple[Problem, NDArray[np.intp]]:
-    """The problem in which the poses left out of a set that is `proposed` may be no outliers, but on one of two levels,
-    as backlash makes them, the constant halfway between; and those of these kernels that may show.
+def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_]]) -> tuple[Problem, Table]:
+    """The problem and its table of all poses, in which those left out of a set that is `proposed` may be no outliers,
+    but on one of two levels, as backlash makes them, the constant halfway between.
     """
-    n, known = len(problem.wrench), len(problem.kernels.drift)
+    n, before = len(problem.wrench), len(problem.kernels.drift)
     sets = list({kept.tobytes(): kept for kept in proposed}.values())
     log_prior = [log_prior_two_levels(n, int(np.sum(~kept))) for kept in sets]
     levels = [Drift(Kind.TWO_LEVELS, np.where(kept, 0.5, -0.5)[:, None]) for kept in sets]
     possible = np.isfinite(log_prior)
     kernels = problem.kernels.joined(list(compress(levels, possible)), list(compress(log_prior, possible)))
-    if len(kernels.drift) == known:
-        return problem, np.empty(0, dtype=np.intp)
-    problem, everything = replace(problem, kernels=kernels), np.ones(n, dtype=bool)
-    look = np.r_[0, np.arange(known, len(kernels.drift))]
-    return problem, shown_at_a_glance(problem, first.tool, everything, first.hypotheses, look)[1:]
+    problem, look = replace(problem, kernels=kernels), np.r_[0, np.arange(before, len(kernels.drift))]
+    _, *shown = shown_at_a_glance(problem, table.tool, table.kept, table.hypotheses, look)
+    return problem, with_kernels(problem, table, np.array(shown)) if shown else table
 
 
 def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:

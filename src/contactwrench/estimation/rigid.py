@@ -24,7 +24,8 @@ from .posterior_mean import mean_of
 from .priors import Question, tool_of
 from .problem import Problem
 from .robot_errors import turns_of_robot
-from .tables import Table, near_kernels, settled, table_at
+from .settling import settled
+from .tables import Table, near_kernels, table_at
 from .variance_components import inverse_of
 
 RIGID_MODELS = ("auto", *SEARCH_OF_MODEL)

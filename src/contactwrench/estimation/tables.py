@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
-from ..model import RigidTool, response, response_jacobian, wrench_jacobian
+from ..model import RigidTool, response_jacobian, wrench_jacobian
 from .bias_drift import Drift, Kernels
 from .error_covariance import AlikeOnAxes, ErrorCovariance, Turned, in_common
 from .hypotheses import Hypothesis
@@ -37,18 +37,6 @@ LOOK = 2
 
 FEW_PAIRS = 60
 """Of kernels and hypotheses, of which each is looked at closely; or of kernels, at none of which with a glance."""
-
-STRAIGHT, BENT = 0.03, 1.0
-"""Standard deviations that readings and priors differ from their linearisation: up to the first it will do, from the
-second on all kernels are looked at again."""
-
-NO_NEARER = 0.5
-"""Of what it was: members that come and go about their mean would go round for ever."""
-
-LONG_WAY = 3.0
-"""Standard deviations: after a longer step they are, too."""
-
-CENTRINGS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +82,11 @@ def table_at(
     nearby: Table | None = None,
 ) -> Table:
     """All members that count, linearised at `tool`; `nearby` a table of the same kernels."""
-    among = _seen(problem, kept, None)
-    return _weighed(problem, _with_turns(problem, _untouched(problem, tool, kept, hypotheses, among), among, nearby))
+    among = seen(problem, kept, None)
+    return weighed(problem, with_turns(problem, untouched(problem, tool, kept, hypotheses, among), among, nearby))
 
 
-def _seen(problem: Problem, kept: NDArray[np.bool_], among: NDArray[np.intp] | None) -> NDArray[np.intp]:
+def seen(problem: Problem, kept: NDArray[np.bool_], among: NDArray[np.intp] | None) -> NDArray[np.intp]:
     """The kernels `among` which to look, all if None, but for those that show nowhere: of the poses kept all are alike
     before a step after the last of them, or on one of two levels.
     """
@@ -108,7 +96,7 @@ def _seen(problem: Problem, kept: NDArray[np.bool_], among: NDArray[np.intp] | N
     return np.asarray(among[~alike[problem.kernels.drift[among]]])
 
 
-def _untouched(
+def untouched(
     problem: Problem,
     tool: RigidTool,
     kept: NDArray[np.bool_],
@@ -131,7 +119,9 @@ def _untouched(
         of_hypotheses = solved(moments, kernels, priors, (likeliest, each), problem.noise, LOOK).log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
     members = solved(moments, kernels, priors, (k, h), problem.noise)
-    members = _near(replace(_sized(problem, Table(tool, priors, hypotheses, kept, kernels, members)), kernel=among[k]))
+    members = those_near(
+        replace(_sized(problem, Table(tool, priors, hypotheses, kept, kernels, members)), kernel=among[k])
+    )
     return Table(tool, priors, hypotheses, kept, problem.kernels, members)
 
 
@@ -155,7 +145,7 @@ def _rows(problem: Problem, tool: RigidTool, kept: NDArray[np.bool_]) -> Array:
     return np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(tool)], axis=1)[kept]
 
 
-def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby: Table | None = None) -> Table:
+def with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby: Table | None = None) -> Table:
     """The same, and the members in which the robot's orientation is off beside one of the kernels `among`."""
     if not problem.robot:
         return table
@@ -173,14 +163,15 @@ def _with_turns(problem: Problem, table: Table, among: NDArray[np.intp], nearby:
             log_prior = log_odds_of_turns + float(size[0] + problem.kernels.log_prior[k])
             strengths = problem.kernels.drifts[problem.kernels.drift[k]].strengths
             m = m.joined(members_of(linear, optimum, k, strengths, log_prior, robot))
-    return replace(table, members=_near(m))
+    return replace(table, members=those_near(m))
 
 
-def _near(members: Members) -> Members:
+def those_near(members: Members) -> Members:
+    """Less those that come nowhere near the likeliest."""
     return members.select(members.log_evidence > members.log_evidence.max() - FAR)
 
 
-def _weighed(problem: Problem, table: Table) -> Table:
+def weighed(problem: Problem, table: Table) -> Table:
     """The table with the evidence of the poses left out, and that the others are none."""
     m, out = table.members, ~table.kept
     rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
@@ -240,55 +231,6 @@ def covariance_of_errors(problem: Problem, table: Table, member: int, without_ke
         return base
     turns = turns_across_gravity(table.tool, problem.R_base_flange, problem.robot[m.robot[member]], table.kept)
     return Turned(base, turns, float(m.turn[member]))
-
-
-def settled(
-    problem: Problem,
-    tool: RigidTool,
-    kept: NDArray[np.bool_],
-    hypotheses: tuple[Hypothesis, ...],
-    among: NDArray[np.intp] | None = None,
-    nearby: Table | None = None,
-) -> Table:
-    """The table near the mean of its own members: where that makes no difference, it stays linearised at `tool`. Where
-    it makes little, and is near, kernels that come nowhere near are not looked at again. Turns of the robot come last:
-    far from where the readings point, they would take up what is no error of it; they begin where a table `nearby` has
-    them.
-    """
-    table = _untouched(problem, tool, kept, hypotheses, _seen(problem, kept, among))
-    table = _centred(replace(problem, robot=()), table, among)
-    turned = _with_turns(problem, table, _seen(problem, kept, among), nearby)
-    return _weighed(problem, _centred(problem, turned, among) if (turned.members.robot >= 0).any() else table)
-
-
-def _centred(problem: Problem, table: Table, among: NDArray[np.intp] | None) -> Table:
-    bent = np.inf
-    for _ in range(CENTRINGS):
-        step, before = np.exp(table.members.log_evidence - table.log_evidence) @ table.members.step, bent
-        moved = problem.stepped(table.tool, step)
-        bent = _bent(problem, table, step, moved)
-        if bent < STRAIGHT or NO_NEARER * before < bent < BENT:
-            break
-        std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
-        anew = bent > BENT or float(np.max(np.abs(step) / std)) > LONG_WAY
-        near = _seen(problem, table.kept, among if anew else near_kernels([table]))
-        untouched = _untouched(problem, moved, table.kept, table.hypotheses, near)
-        table = _with_turns(problem, untouched, near, table)
-    return table
-
-
-def _bent(problem: Problem, table: Table, step: Array, moved: RigidTool) -> float:
-    """By how many standard deviations readings and priors at the tool `moved` by a `step` (p,) differ from linear."""
-    if not np.isclose(moved.weight, table.tool.weight + step[0], rtol=1e-9, atol=0.0):
-        return np.inf
-    m, known = table.members, table.priors.known
-    J = response_jacobian(table.tool, problem.names)
-    beyond = response(moved) - response(table.tool) - np.tensordot(step, J, 1)
-    of_readings = problem.R_base_flange[table.kept].reshape(-1, 9) @ beyond.T
-    of_readings = (of_readings - of_readings.mean(axis=0)) ** 2 / m.variance[table.best]
-    of_known = problem.known_at(moved).residuals - known.residuals + known.jacobian @ step
-    precision = np.exp(m.log_evidence - table.log_evidence) @ table.priors.precision[m.hypothesis]
-    return float(np.sqrt(np.sum(of_readings) + precision @ of_known**2))
 
 
 def near_kernels(tables: list[Table]) -> NDArray[np.intp]:
