@@ -31,11 +31,10 @@ from ..samples.samples import Samples, Streams
 from ..samples.synchronize import NOT_A_NUMBER, synchronized
 from ..samples.timestamps import spread_evenly
 from .accelerations import accelerometer_of, with_accelerations
-from .contacts_in_doubt import InDoubt, OffThroughout
+from .in_doubt import InDoubt, OffThroughout, StuckReadings
 from .in_order import NOTHING, InOrder, without_wrench
 from .options import Options
 from .read import Block, are_pairs, as_streams, batches, blocks, read_as_bag, samples_of
-from .stuck_readings import StuckReadings
 from .tables.columns import ROWS, Advance, Tell, unheard
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.table import Table, without_reading

@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError
-from .chunks import LATEST, NOTHING, ZSTD, Connection, Logged, in_order
-from .damage import Damage
+from .chunks import LATEST, NOTHING, ZSTD, Connection, Damage, Logged, in_order
 
 INDEX = np.dtype([("connection", "i8"), ("stamp", "u8"), ("place", "i8")])
 """What the index of a chunk says of a message: also where in the chunk its record is."""

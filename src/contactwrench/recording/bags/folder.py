@@ -14,8 +14,7 @@ from typing import Any
 from ...errors import FileFormatError
 from ...files import entries
 from ...statistics import counted
-from .chunks import ZSTD, Logged, Source
-from .damage import Damage
+from .chunks import ZSTD, Damage, Logged, Source
 from .message_layout import joined, written
 
 METADATA = "metadata.yaml"

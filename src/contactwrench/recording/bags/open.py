@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from ...errors import ContactWrenchError, FileAccessError, FileFormatError, of_extra
 from ...files import entries, open_bytes
 from ...geometry.arrays import Array
-from .chunks import Connection, Logged, Source, Topic
-from .damage import Damage
+from .chunks import Connection, Damage, Logged, Source, Topic
 from .folder import METADATA, PackedMessages, bags_in, files_of, hold, left_in, metadata, unpacked
 from .mcap import Mcap
 from .message_layout import Fields, types_defined, typestore, written

@@ -21,8 +21,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...errors import FileFormatError
-from .chunks import AT_ONCE, LOG, Connection, Logged, Topic
-from .damage import Damage
+from .chunks import AT_ONCE, LOG, Connection, Damage, Logged, Topic
 from .message_layout import joined
 
 SAFE = ("trusted_schema = OFF", "query_only = ON", "cell_size_check = ON")

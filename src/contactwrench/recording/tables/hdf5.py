@@ -27,8 +27,7 @@ from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, ROOM, Batch, Field, readable, require_room
 from .columns import Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE
-from .hdf5_columns import bytes_at_once, dataset_at, datasets_stated, fields_found, fields_of_roles, width_of
-from .matlab import OLD
+from .hdf5_columns import OLD, bytes_at_once, dataset_at, datasets_stated, fields_found, fields_of_roles, width_of
 
 SUFFIXES = (".h5", ".hdf5", ".mat")
 DEEPEST = 32

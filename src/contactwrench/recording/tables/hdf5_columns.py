@@ -13,12 +13,12 @@ from typing import Any, TypeGuard
 from zlib import decompressobj
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import CONVENTIONS, convention
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, ROOM, Field, require_room
 from .columns import POSITION, WRENCH_COLUMNS, shown
-from .matlab import OfMatlab, holds_none, is_of_matlab
 
 GZIP, SHUFFLE, CHECKSUM, LZF = 1, 2, 3, 32000
 BOUNDED: tuple[list[int], ...] = ([], [SHUFFLE], [GZIP], [LZF], [SHUFFLE, GZIP], [SHUFFLE, LZF])
@@ -28,6 +28,17 @@ PACKED = {"scale_factor": 1.0, "add_offset": 0.0}
 UNITS = ("units", "unit", "units_of_measure", "unit_of_measure", "unit_of_measurement", "physical_unit")
 MOST_BY_GZIP = 1032
 """Bytes that one byte can become (zlib's technical details)."""
+
+
+OLD = b"MATLAB 5.0"
+"""How a MAT-file before version 7.3 begins."""
+CLASSES = {
+    b"double",
+    b"single",
+    b"logical",
+    *(f"{sign}int{size}".encode() for sign in ("", "u") for size in (8, 16, 32, 64)),
+}
+"""Of numbers. Those of letters, cells and tables are numbers too that stand for something else."""
 
 
 def fields_found(group: Any) -> list[Field]:
@@ -217,3 +228,40 @@ def _wrong_shape(dataset: Any, path: str, expected: str, source: str) -> FileFor
     return FileFormatError(
         f"{source}: dataset {shown(path)}: found shape {dataset.shape}, expected {expected}: name another with --hdf5"
     )
+
+
+def is_of_matlab(item: Any) -> bool:
+    """Whether MATLAB wrote a dataset."""
+    return "MATLAB_class" in getattr(item, "attrs", ())
+
+
+def holds_none(item: Any) -> bool:
+    """Whether the numbers of a dataset of MATLAB stand for something else, as the size of an empty array does."""
+    return is_of_matlab(item) and ("MATLAB_empty" in item.attrs or item.attrs["MATLAB_class"] not in CLASSES)
+
+
+class OfMatlab:
+    """A dataset of MATLAB as one of h5py whose rows come first, (n, ...): its longest dimension. `shape` is None where
+    two are as long, and nobody can tell.
+    """
+
+    def __init__(self, dataset: Any) -> None:
+        self._dataset = dataset
+        sizes = dataset.shape[::-1]
+        self._rows = sizes.index(max(sizes))
+        chunks = dataset.chunks
+        self.chunks = None if chunks is None else self._rows_first(chunks[::-1])
+        self.shape = self._rows_first(sizes) if sizes.count(max(sizes)) == 1 else None
+
+    def _rows_first(self, sizes: tuple[int, ...]) -> tuple[int, ...]:
+        return sizes[self._rows], *sizes[: self._rows], *sizes[self._rows + 1 :]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._dataset, name)
+
+    def __len__(self) -> int:
+        return int(max(self._dataset.shape))
+
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        before = (slice(None),) * (self._dataset.ndim - 1 - self._rows)
+        return np.moveaxis(np.asarray(self._dataset[(*before, rows)]).T, self._rows, 0)

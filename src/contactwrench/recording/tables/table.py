@@ -21,9 +21,8 @@ from ...samples.samples import CODES, LARGEST_READING, ReadAs, stands_for_none
 from ...statistics import counted
 from . import csv, hdf5, parquet
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, unheard, with_slices
-from .counted_times import at_rate
 from .csv import open_csv
-from .episodes import one_episode
+from .episodes import at_rate, one_episode
 from .hdf5 import is_hdf5, open_hdf5
 from .parquet import is_parquet, open_parquet
 from .roles import roles_of
