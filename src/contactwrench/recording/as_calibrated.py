@@ -1,8 +1,7 @@
 """A recording read as its calibration's was: an option that nobody stated is the calibration's, where it fits.
 
-Two files of one sensor may be written differently, so a file's columns say whether options of the columns fit. What the
-numbers mean (sign, axes, inverse, a stated unit) no column says: it goes with the columns, and where these are others
-it is asked for.
+A file's columns say whether options of the columns fit. What the numbers mean (sign, axes, inverse, a stated unit) no
+column says: it goes with the columns, and where these are others it is asked for.
 """
 
 from __future__ import annotations
@@ -65,9 +64,7 @@ class AsCalibrated:
 
 @dataclass(frozen=True)
 class _Taken:
-    """Options of the calibration that fit the recording, which of them it would be read with `anyhow`, and the base
-    that it names.
-    """
+    """Options of the calibration that fit, those of them that would be so `anyhow`, and the base that is named."""
 
     values: dict[str, Any]
     anyhow: frozenset[str]
@@ -78,10 +75,8 @@ def as_calibrated(
     path: Path, options: Options, stated: Collection[str], calibration: Calibration, *, gravity_stated: bool = False
 ) -> AsCalibrated:
     """Complete the options of reading, of which somebody `stated` some, by those of a calibration, and bring that into
-    the recording's base, unless `gravity_stated`: in which no other direction matters then.
-
-    Raises as reading, and `InputError` for an option of the calibration that may or may not hold here, and for a base
-    that nobody knows against its.
+    the recording's base, unless `gravity_stated`. Raises as reading, and `InputError` for an option that may or may not
+    hold here, and for a base that nobody knows against the calibration's.
     """
     known = remembered(calibration.provenance)
     left_open = {name: value for name, value in known.items() if name not in stated}
@@ -173,9 +168,7 @@ def _orientation_anyhow(path: Path, options: Options, values: Mapping[str, Any])
 
 
 def _require_units(path: Path, read: Options, provenance: Mapping[str, Any]) -> None:
-    """Raise `InputError` where the names of the calibration's columns stated an unusual unit and those of a table state
-    none.
-    """
+    """Raise `InputError` where the calibration's columns stated an unusual unit and those of a table state none."""
     by_option = stated_units(provenance.get("units"))
     before = {q: unit for q, unit in stated_units(provenance.get("units_read")).items() if q not in by_option}
     for quantity, columns in _roles(path, read).with_units.items() if before else ():

@@ -34,9 +34,8 @@ def R_between(frame: str, other: str) -> Array | None:
 def in_base_of_recording(
     calibration: Calibration, base_frame: str | None, source: str
 ) -> tuple[Calibration, str | None]:
-    """A calibration for a recording, `source` in words, whose orientations are in `base_frame` (None: it does not say):
-    in that base, where it is another one that is known; and what there is to say of it. Raises `InputError` where
-    nobody knows how the two bases stand to each other.
+    """A calibration for a recording, `source` in words, whose orientations are in `base_frame` (None: it does not say),
+    in that base; and what there is to say of it. Raises `InputError` where nobody knows how the two bases stand.
     """
     own, new = (str(name or "").removeprefix("/") for name in (calibration.provenance.get("base_frame"), base_frame))
     if not own or not new:

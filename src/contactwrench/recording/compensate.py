@@ -1,7 +1,4 @@
-"""A recording to contact wrenches, batch by batch: on one clock where it is two streams, judged where that is asked.
-
-One row comes out for each reading, in its order. Where it has no orientation, or something is wrong, the row says so.
-"""
+"""A recording to contact wrenches, batch by batch: a row for each reading, in order, which says what is wrong."""
 
 from __future__ import annotations
 
@@ -121,8 +118,7 @@ def _goes_row_by_row(first: Block, calibration: Calibration, treatment: Treatmen
 
 def _with_zero_of(path: str | Path, options: Options, calibration: Calibration, seconds: float) -> Calibration:
     """The calibration with the bias of a recording's first `seconds`, in which nothing may touch the tool, at rest.
-
-    Raises `InputError` where these move, scatter or are too few, and as reading and pairing raise it.
+    Raises `InputError` where these move, scatter or are too few, and as reading and pairing.
     """
     first, begin = list[Samples](), np.nan
     for part in synchronized(batches(path, options)):

@@ -36,9 +36,8 @@ def compensated_set(
     *,
     accept_damaged: bool = False,
 ) -> Iterator[ContactWrenches]:
-    """As `compensated`, of each of the `episodes` of a set by itself; of each row it says whether it is valid. One that
-    cannot be compensated ends it, by name, or, with `accept_damaged`, has rows without a contact wrench that say why;
-    where none can, that is raised.
+    """As `compensated`, of each of the `episodes` of a set by itself. One that cannot be compensated ends it, or, with
+    `accept_damaged`, has rows without a contact wrench that say why; where none can, that is raised.
     """
     said: dict[str, list[int]] = {}
     lost: list[ContactWrenches] = []

@@ -53,9 +53,7 @@ class StuckReadings:
         self._before, self._at_limit = np.full((1, 6), np.nan), np.zeros(6, dtype=int)
 
     def marked(self, rows: ContactWrenches, samples: Samples) -> ContactWrenches:
-        """The same rows, of the next samples; those that stand are not valid, and nobody can tell what touches while a
-        reading is stuck.
-        """
+        """The same rows, of the next samples; those that stand still are not valid, and not judged for contact."""
         wrench, valid, reasons, contact = samples.wrench, rows.valid.copy(), list(rows.reason), rows.contact.copy()
         saturated, moves = self._saturated(rows, samples), np.diff(wrench, axis=0, prepend=self._before[-1:]) != 0.0
         self._before = wrench if len(wrench) else self._before
@@ -102,8 +100,7 @@ class StuckReadings:
 class InDoubt:
     """Whether contact, batch by batch, may be another tool or a zero that moved: it lasts, by a force that a weight, a
     bias and a steady drift explain, as they do no hand's, or there is one for most of the time; or the inertia of a
-    tool, which the calibration does not know: its mass times the acceleration that positions tell; or noise that is
-    larger than is known, which makes many short ones.
+    tool, which the calibration does not know; or noise that is larger than is known, which makes many short ones.
     """
 
     def __init__(self, calibration: Calibration) -> None:
@@ -182,9 +179,7 @@ class OffThroughout:
         self.variance, self.least, self.rows, self.off = float(np.sum(of_row)), 0.0, 0, 0
 
     def add(self, batch: ContactWrenches) -> None:
-        """The next rows, as noisy as those of the calibration or as they are from row to row; those without a contact
-        wrench do not count.
-        """
+        """The next rows, as noisy as those of the calibration or as from row to row; NaN does not count."""
         force = batch.wrench[np.isfinite(batch.wrench[:, :3]).all(axis=1), :3]
         if len(force) > 1:
             own = np.median(np.abs(np.diff(force, axis=0)), axis=0) / MEDIAN_STEP

@@ -18,10 +18,7 @@ NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
 
 
 class InOrder:
-    """Puts what is known of readings, as they are paired, back into the order of the recording.
-
-    Between two calls it holds the stamps of the readings that are not yet paired, and rows that are ahead of them.
-    """
+    """Puts rows, as they are paired, back into the order of the recording; between two calls it holds what waits."""
 
     def __init__(self) -> None:
         self._begin = 0

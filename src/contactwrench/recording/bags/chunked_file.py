@@ -1,8 +1,4 @@
-"""A file that keeps messages in chunks, held against what it says of itself.
-
-Nothing is believed that is said once: the file is walked record by record (mcap.py, ros1.py), and what lies there is
-held against every index and count in it.
-"""
+"""A file that keeps messages in chunks: walked record by record, and held against every index and count in it."""
 
 from __future__ import annotations
 
@@ -29,9 +25,7 @@ INDEX = np.dtype([("connection", "i8"), ("stamp", "u8"), ("place", "i8")])
 LARGEST = 2**30
 """Bytes: recorders close a chunk at one to some MiB, or behind the one message that is larger."""
 DENSEST, FREE = 100, 2**26
-"""A file may state so many times its own size, and so many bytes, as the content of its chunks: readings and poses come
-packed 2 to 20 times, and a few images of one colour 10,000 times. What states more costs too much.
-"""
+"""Times its own size, and bytes, that a file may state as the content of its chunks: readings pack 2 to 20 times."""
 MOST_TOPICS = 4096
 """The busiest robots record some hundreds."""
 DECOMPRESSORS = {
@@ -65,11 +59,8 @@ class Chunk:
 
 
 class ChunkedFile(ABC):
-    """A file that keeps messages in chunks, a `Source`: `counts` are as the file says itself. `said`: what its index
-    says of the chunk at each place. Open as long as `files`.
-
-    Raises `ValueError` for what is no such file, and `FileFormatError` for damage that is not accepted, and for what
-    would cost too much.
+    """A `Source`, open as long as `files`; `said`: what its index says of the chunk at each place. Raises `ValueError`
+    for what is no such file, `FileFormatError` for damage that is not accepted, and for what would cost too much.
     """
 
     def __init__(self, path: Path, files: ExitStack, damage: Damage) -> None:
@@ -85,9 +76,7 @@ class ChunkedFile(ABC):
 
     @abstractmethod
     def _take(self, place: int, end: int) -> int:
-        """Note the record at a place of the file; where it ends. Raises `UnreadableError` where that is behind `end`,
-        as the methods below do for what they find.
-        """
+        """Note the record at a place; where it ends. Raises `UnreadableError`, as all below, if behind `end`."""
 
     @abstractmethod
     def _as_said(self, chunk: Chunk) -> Any:
@@ -229,9 +218,7 @@ class ChunkedFile(ABC):
     def _places(
         self, content: bytes, flat: NDArray[np.uint8], places: NDArray[np.int64], where: str
     ) -> NDArray[np.int64]:
-        """Where the records of messages are: by the index if nothing but definitions is between those, else by going
-        from record to record up to what is none.
-        """
+        """Where messages are: by the index if nothing but definitions is between them, else from record to record."""
         starts, ends = np.append(places, len(flat)), np.insert(self._ends(flat, places), 0, 0)
         gaps = np.stack([ends, starts], axis=1)[starts != ends].tolist()
         found = array("q")

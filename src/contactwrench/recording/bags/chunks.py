@@ -1,8 +1,4 @@
-"""The messages of a recording's file as they were logged, a chunk at a time and many at once.
-
-MCAP and ROS 1 keep messages in chunks of about a MiB. A chunk is read whole, where its messages lie is noted, and the
-rest is left to numpy (chunked_file.py). sqlite3 has no chunks (sqlite.py).
-"""
+"""The messages of a recording's file as they were logged, many at once: what every kind of bag is read into."""
 
 from __future__ import annotations
 
@@ -73,8 +69,7 @@ NOTHING = Logged(np.empty(0, LOG), joined([]))
 @dataclass(frozen=True)
 class Connection:
     """What one publisher of a topic, or all of them, recorded: the definition of its type, in IDL or in ROS' own
-    language, empty where there is none; the hash of that, where it is written; and what else rosbags is to be told to
-    write the like, by its names.
+    language, and its hash, each empty where there is none; and what else rosbags is to be told to write the like.
     """
 
     topic: Topic
@@ -95,10 +90,7 @@ class Damage:
         """One sentence where the recording was not closed and lacks nothing but its end; empty: it was closed."""
 
     def found(self, what: str, expected: str) -> None:
-        """Note what was found, as "164 of 950 messages of /wrench", and what the file says of itself.
-
-        Raises `FileFormatError` unless damage is accepted.
-        """
+        """Note what was found, as "164 of 950 messages of /wrench". Raises `FileFormatError` unless it is accepted."""
         if not self.accepted:
             raise FileFormatError(
                 f"{self.source}: found {what}, expected {expected}: the file is damaged; record or copy it again, or "
@@ -121,9 +113,7 @@ class Damage:
 
     @property
     def said(self) -> str:
-        """What was found so far, one sentence; of many findings the first and the last, which count; else whether it
-        was left open; and what is in doubt. Empty: nothing.
-        """
+        """All that was found, of much the first and the last, which count; else that it was left open; and doubts."""
         found = list(self._found)
         found[4:-4] = [f"{len(found) - 8} more"] if len(found) > 9 else found[4:-4]
         damaged = f"{self.source} is damaged: {'; '.join(found)}; what was left of it was read" if found else ""

@@ -1,6 +1,4 @@
-"""What files that store their numbers column by column have in common: lists as columns, rows, and how much they may
-state.
-"""
+"""What files that store numbers column by column have in common: lists, rows, and how much they may state."""
 
 from __future__ import annotations
 
@@ -41,9 +39,8 @@ def require_room(path: str | Path, count: int, what: str, each: int = 1) -> None
 
 
 def require_room_for_pages(path: Path, columns: Iterable[tuple[int, int]]) -> None:
-    """Raise `FileFormatError` where the pages of a Parquet file state more than a file of its size holds: whatever its
-    foot says, what they state is what they take when they are unpacked. `columns`: of each the byte at which its first
-    page begins, and the number of its values.
+    """Raise `FileFormatError` where the pages of a Parquet file, whatever its foot says, state more than a file of its
+    size holds. `columns`: of each the byte at which its first page begins, and the number of its values.
     """
     pages = unpacked = numbers = 0
     with open_bytes(path) as file, readable(str(path), "Parquet", NO_HEADER):
@@ -70,9 +67,7 @@ def _page(file: BinaryIO) -> tuple[int, int, bool]:
 
 
 def _thrift(file: BinaryIO) -> dict[int, Any]:
-    """The fields of a struct in Thrift's compact protocol by their numbers: numbers and structs, of which a page's
-    header is made; nothing of use for a text.
-    """
+    """The fields of a struct in Thrift's compact protocol by their numbers: those that a page's header is made of."""
     fields: dict[int, Any] = {}
     number = 0
     while head := file.read(1)[0]:
@@ -165,10 +160,7 @@ class Batch(ABC):
         )
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
-        """The numbers (n, k) of the columns, as written; NaN where a column in `may_lack` has a null or a NaN.
-
-        Raises `FileFormatError` naming row and column of what is no finite number.
-        """
+        """As of `Body`, whose cells are empty where there is a null or a NaN."""
         values = np.empty((len(self), len(columns)))
         for k, column in enumerate(columns):
             values[:, k] = self.floats(column)

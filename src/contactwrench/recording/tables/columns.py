@@ -36,9 +36,7 @@ SATURATED = "saturated"
 """1 or true in the rows in which a channel of the sensor stood at its limit."""
 
 FLAW = "flaw"
-"""The last column of a recording of a live session: in words why a row has no reading, and what was read. So a row of
-it that was not finished, at the end of a file, can be told from one that somebody wrote so.
-"""
+"""The last column of a recording of a live session, in words: by it a last row that was not finished is known."""
 
 
 def unheard(_: object) -> None:
@@ -108,8 +106,7 @@ class Body(Protocol):
         """Number of rows."""
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
-        """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty.
-
+        """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty or NaN.
         Raises `FileFormatError` naming row and column of what is no finite number.
         """
 
@@ -142,11 +139,9 @@ class OpenTable:
 
 @dataclass(frozen=True)
 class ColumnRoles:
-    """Which columns of a table are what; empty where it has none.
-
-    `convention` makes rotations of `orientation`; None: its numbers stay as they are. In a recording with times `t` a
-    row may lack its wrench or its orientation. `numbered`: where columns among them are told by their number alone, how
-    many the table has that can be: all that tells one such table from another.
+    """Which columns of a table are what; empty where it has none. `convention` makes rotations of `orientation`; None:
+    its numbers stay as they are. `numbered`: where columns are told by their number alone, how many of such the table
+    has, all that tells it from another.
     """
 
     wrench: tuple[Column, ...]
@@ -170,9 +165,7 @@ class ColumnRoles:
 
     @property
     def understood(self) -> str:
-        """Which column was taken for what, as `fx..fz from "Force X (N)".."Force Z (N)", t from "Time" in ms`; empty
-        where all bear the usual names.
-        """
+        """Which column was taken for what, as `fx..fz from "Force X (N)".."Force Z (N)"`; of usual names nothing."""
         parts = []
         for columns in (self.wrench, self.orientation, self.t, self.position, self.load, self.saturated):
             if not all(column.is_usual for column in columns):

@@ -163,10 +163,7 @@ class Lines:
         raise self._lack(cells(self._lines[index], self._layout.separator, row, self.source)[column.place], column, row)
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
-        """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty or NaN.
-
-        Raises `FileFormatError` naming row and column of what is no finite number.
-        """
+        """As of `Body`."""
         if not self._lines:
             raise FileFormatError(
                 f"{self.source}: found a header and no rows, expected a row for each reading: add them"

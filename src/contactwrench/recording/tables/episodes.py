@@ -1,4 +1,4 @@
-"""Sets of recordings in one table, as robot learning has them: a column says which episode a row is of.
+"""One recording of a table: of a set, as robot learning has them, an episode; and times for rows that have none.
 
 A data set of LeRobot, version 2 or 3, is a folder: `meta/info.json`, and an episode a file or many of them in
 `data/chunk-*/*.parquet` (huggingface/lerobot, docs/source/lerobot-dataset-v3.mdx; the paths of version 2 are in
@@ -49,8 +49,7 @@ def episodes_of(body: Body, column: Column) -> Array:
 
 def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
     """The rows of one recording, of a set those of an `episode`, or of the only one: each has its own time, bias and
-    contacts. Raises `FileFormatError` for an episode that is stated and not there; when read, also for several and none
-    stated.
+    contacts. Raises `FileFormatError` for one that is not there; when read, also for several and none stated.
     """
     column = episode_column(table)
     if column is None:
@@ -81,9 +80,7 @@ def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
 
 
 def episodes_in(table: OpenTable) -> list[int]:
-    """The episodes of a set, in the order of their rows. Raises `FileFormatError` for a table that is none, and where
-    rows of one are apart.
-    """
+    """The episodes of a set, in the order of their rows. Raises `FileFormatError` where rows of one are apart."""
     column = episode_column(table)
     if column is None:
         raise FileFormatError(
@@ -117,9 +114,7 @@ def _named(episodes: set[float]) -> str:
 
 
 def names_of_elements(folder: Path) -> dict[str, tuple[str, ...]]:
-    """What LeRobot calls the elements of each list in a set, by the list's name; of a folder that is none, nothing.
-    Raises `FileFormatError`.
-    """
+    """What LeRobot calls the elements of each list in a set, by the list's name; of another folder nothing."""
     if not (folder / LEROBOT).is_file():
         return {}
     import msgspec
@@ -141,9 +136,7 @@ def _in_order(names: Any) -> tuple[Any, ...]:
 
 
 def at_rate(table: OpenTable, naming: Naming, rate: float) -> OpenTable:
-    """A recording with a column of times beside its own, s, 0 in the first row. Raises `InputError` where it has times
-    of its own that nobody said to leave alone.
-    """
+    """A recording with a column of times, s, 0 in the first row. Raises `InputError` where it has times of its own."""
     if own := time_columns(table, replace(naming, rate=None)):
         raise InputError(
             f"{table.source}: found the times {taken_for(own)}, and --rate {rate:g}, expected one of them: leave out "

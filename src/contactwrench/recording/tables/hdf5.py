@@ -1,8 +1,7 @@
 """Named columns of numbers in HDF5 files: datasets of as many rows, a block of rows at a time, by h5py.
 
-Which columns they stand for is for hdf5_columns.py. Groups `demo_0`, `demo_1` and so on hold an episode each and the
-same datasets, as robomimic has them (ARISE-Initiative/robomimic, docs/datasets/overview.md): together they are one set,
-with a column of the episode; rows are counted within each.
+Groups `demo_0`, `demo_1` and so on hold an episode each and the same datasets, as robomimic has them
+(ARISE-Initiative/robomimic, docs/datasets/overview.md): together one set; rows are counted within each.
 """
 
 from __future__ import annotations
@@ -51,9 +50,8 @@ def is_hdf5(path: str | Path) -> bool:
 
 
 def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
-    """An HDF5 file, at most `rows` rows at a time; of a set the episode that is stated, where it has that, else all of
-    them. Raises `FileAccessError`, `FileFormatError`, `InputError` for an `hdf5` that names no datasets, and
-    `MissingExtraError`.
+    """An HDF5 file; of a set the episode that is stated, where it has that, else all. Raises `FileAccessError`,
+    `FileFormatError`, `InputError` for an `hdf5` that names no datasets, and `MissingExtraError`.
     """
     source = str(path)
     with _opened(path) as file, _readable(source):
@@ -120,9 +118,7 @@ class Datasets(Batch):
 
 @lru_cache(4)
 def _groups_of(path: str, changed: int) -> tuple[_Group, ...]:
-    """The episodes of a set in the order of their numbers, or the whole file; which is looked through once, and not for
-    each episode, while it is as it was when it `changed` last.
-    """
+    """The episodes of a set in order, or the whole file; looked through once while it is as it `changed` last."""
     with _opened(path) as file, _readable(path):
         return tuple(_groups(file, path))
 

@@ -34,9 +34,8 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Header:
-    """The names of a table's columns, each with its place, and the `units` that somebody stated.
-
-    A part's `quantity`, a key of `UNITS`, is by default that of its usual name.
+    """The names of a table's columns, each with its place, and the `units` that somebody stated. A part's `quantity`, a
+    key of `UNITS`, is by default that of its usual name.
     """
 
     source: str
@@ -106,10 +105,7 @@ class Header:
         return [*pairs, *((column,) for column in (*self.candidates.get("t", []), *whole))]
 
     def usual(self, part: str, quantity: str | None = None) -> Candidate | None:
-        """The column that bears a part's usual name, in any case, with the suffix of a unit or without.
-
-        Raises `FileFormatError` where there are two.
-        """
+        """The column of a part's usual name, in any case, with a unit's suffix or without; two are refused."""
         known = UNITS[QUANTITIES.get(part, "") if quantity is None else quantity]
         spelled = {part: "", **{f"{part}_{symbol(unit)}": unit for unit in known if unit[:2] != "mN"}}
         there = [
@@ -136,9 +132,8 @@ class Header:
         return None
 
     def expanded(self, text: str) -> str:
-        """Names with commas between in place of slices: `a[0],a[1]` for `a[0:2]`, or `a_0,a_1` where these are there.
-
-        Raises `InputError` for a slice that is none.
+        """Names in place of slices: `a[0],a[1]` for `a[0:2]`, or `a_0,a_1`. Raises `InputError` for slices that are
+        none.
         """
         there = {without_own_name(_without_unit(name.lower())) for name in self.places}
 
@@ -154,9 +149,7 @@ class Header:
         return re.sub(r"([^,:]+)\[(\d*):(\d+)\]", elements, text)
 
     def column(self, candidate: Candidate, role: str, quantity: str | None = None, default: str = "") -> Column:
-        """A column in the unit that its header states, or `units`, or `default`. Raises `FileFormatError` for a unit
-        that is not known, and where both state different ones.
-        """
+        """A column in the unit that its header states, or `units`, or `default`. Raises for none, or two."""
         quantity = QUANTITIES.get(role, "") if quantity is None else quantity
         where = f"{self.source}: column {shown(candidate.name)}"
         stated, by_option = candidate.said.unit, self.units.get(quantity)
@@ -180,9 +173,7 @@ class Header:
         return Column(candidate.place, candidate.name, per_si(quantity, unit or default), role, unit)
 
     def require_units(self, columns: Sequence[Column], quantity: str) -> None:
-        """Raise `FileFormatError` where some columns of one quantity state another unit than the usual one, and others
-        none: nobody knows what those hold.
-        """
+        """Raise `FileFormatError` where some columns of a quantity state an unusual unit, and others none."""
         silent = next((c for c in columns if not c.unit), None)
         other = next((c for c in columns if c.unit and silent is not None and c.per_si != silent.per_si), None)
         if other is not None and silent is not None:

@@ -56,9 +56,7 @@ def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, l
 
 
 def _perhaps(header: Header) -> str:
-    """What --orientation may be for columns whose names an orientation may bear, and for lists of as many numbers as a
-    quaternion, a matrix and a pose have.
-    """
+    """What --orientation may be for names that an orientation may bear, and for lists as long as one."""
     there = {name.lower(): name for name in header.places}
     perhaps = [
         f"{how}:{','.join(there[name] for name in names)}" for how, names in PERHAPS if there.keys() >= set(names)

@@ -59,10 +59,9 @@ def is_parquet(path: str | Path) -> bool:
 
 
 def open_parquet(path: str | Path, rows: int, episode: int | None, *, whole: bool = False) -> OpenTable:
-    """A Parquet file, or a folder of them as one table, its files in the order of their names, numbers in these by
-    value; at most `rows` rows at a time, with all their columns where they are read `whole`. Row groups without the
-    episode that is stated are left out where some have it. Raises `FileAccessError`, `FileFormatError` and
-    `MissingExtraError`.
+    """A Parquet file, or a folder of them as one table, its files in the order of their names; with all their columns
+    where they are read `whole`. Row groups without the episode that is stated are left out where some have it. Raises
+    `FileAccessError`, `FileFormatError` and `MissingExtraError`.
     """
     parts, fields = _described(path)
     total = sum(sum(part.rows) for part in parts)
@@ -267,9 +266,7 @@ def _records(path: Path, columns: list[str] | None, rows: int, groups: list[int]
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """An open Parquet file, by no name that pyarrow could take for a URI. Raises `FileAccessError`, `FileFormatError`
-    and `MissingExtraError`.
-    """
+    """An open Parquet file, by no name that pyarrow could take for a URI. Raises as `open_parquet`."""
     pq = import_parquet()
     with open_bytes(path) as opened:
         with _readable(str(path)):

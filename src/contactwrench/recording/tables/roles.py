@@ -152,11 +152,9 @@ def _stated_wrench(header: Header, text: str) -> list[Candidate]:
 
 
 def time_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) -> tuple[Column, ...]:
-    """The column of the times, those of seconds and nanoseconds of one stamp, or none; none at the places `taken`.
-
-    Of several the row's own (PlotJuggler) comes before a message's stamp, and that before the recorder's clock. Raises
-    `FileFormatError` for a column that is stated and not there, and where two could be the times, and `InputError` for
-    options that are none.
+    """The column of the times, those of seconds and nanoseconds of one stamp, or none; none at the places `taken`. Of
+    several the row's own (PlotJuggler) comes before a message's stamp, and that before the recorder's clock. Raises
+    `FileFormatError` for a column that is stated and not there, and two that could be the times, and `InputError`.
     """
     header = Header.of(table, naming)
     if naming.rate is not None and (name := counted_times(naming.rate)) in table.places:

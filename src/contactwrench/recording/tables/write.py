@@ -1,8 +1,7 @@
 """Contact wrenches as files, batch by batch: CSV, or Parquet beside the columns of the recording.
 
 Columns: `episode_index` of a set, `t` where there are times, fx..tz the contact wrench, fx_std..tz_std; where they were
-judged sample by sample also `valid` (1 or 0), `contact` (1, 0, or nothing where nobody can tell) and `reason`, in
-words, where `valid` is 0.
+judged also `valid` (1 or 0), `contact` (1, 0, or nothing where nobody can tell) and `reason`, where `valid` is 0.
 """
 
 from __future__ import annotations
@@ -70,9 +69,7 @@ def csv_header(batch: ContactWrenches) -> str:
 
 
 def csv_lines(batch: ContactWrenches) -> Iterator[str]:
-    """The rows of a batch, many at a time, by one `%` for many lines: Python writes a number faster than numpy can do
-    anything to a text.
-    """
+    """The rows of a batch, many at a time, by one `%` for many lines: Python writes numbers faster than numpy."""
     known = [(form, column) for form, column in (("%d", batch.episode), ("%r", batch.t)) if column is not None]
     columns = [*(column for _, column in known), *batch.wrench.T, *batch.std.T]
     judgement = ["%d,%s,%s"] if batch.judged else []
