@@ -14,6 +14,9 @@ from pathlib import Path
 from shlex import join
 from typing import Any
 
+import numpy as np
+
+from ..assess.robot_arms import R_between
 from ..calibration.calibration import Calibration
 from ..errors import ContactWrenchError, FileFormatError, InputError
 from ..files import name_of
@@ -22,7 +25,6 @@ from .bags.chunks import Topic
 from .bags.open import Bag, opened_bag
 from .bags.read import base_frame
 from .bags.topics import pose_topics, wrench_topic
-from .base_frames import in_base_of_recording
 from .options import AS_USUAL, OF_MEANING, Options, remembered
 from .read import read_as_bag
 from .tables.columns import ColumnRoles, shown, taken_for
@@ -114,6 +116,30 @@ def as_calibrated(
     doubts = [finding.brief for finding in calibration.findings if finding.severity == calibration.verdict]
     notes += [f"the calibration is {calibration.verdict}: {doubt}" for doubt in doubts[:1]]  # `show` has it whole
     return AsCalibrated(read, calibration, tuple(notes))
+
+
+def in_base_of_recording(
+    calibration: Calibration, base_frame: str | None, source: str
+) -> tuple[Calibration, str | None]:
+    """A calibration for a recording, `source` in words, whose orientations are in `base_frame` (None: it does not say),
+    in that base; and what there is to say of it. Raises `InputError` where nobody knows how the two bases stand.
+    """
+    own, new = (str(name or "").removeprefix("/") for name in (calibration.provenance.get("base_frame"), base_frame))
+    if not own or not new:
+        upright = np.array_equal(np.abs(calibration.gravity_direction), [0.0, 0.0, 1.0])  # so no turn about z matters
+        silent = "the calibration" if new else "this recording"
+        said = f"{silent} does not name its base: taken to be {own or new} (--base-frame names it)"
+        return calibration, said if (own or new) and not upright else None
+    R = R_between(new, own)
+    if R is None:
+        raise InputError(
+            f"{source}: found orientations in {new}, expected the calibration's base, {own}: if the two are one, say "
+            f"{join(['--base-frame', own])}, else which way gravity points in {new}, with --gravity X,Y,Z"
+        )
+    if np.array_equal(R, np.eye(3)):
+        return calibration, None
+    said = f"orientations are in {new}, half a turn about z from the calibration's {own}: it was turned into that"
+    return calibration.with_base(R, new), said
 
 
 def _differences(

@@ -169,7 +169,16 @@ class ChunkedFile(ABC):
         self.counts = dict(counts)
 
     def _content(self, chunk: Chunk) -> bytes:
-        content = unpacked(self._bytes(chunk.begin, chunk.end - chunk.begin), chunk.compression, chunk.size)
+        """What is in a chunk; a size that lies costs no more than it states. Raises `UnreadableError`."""
+        content = self._bytes(chunk.begin, chunk.end - chunk.begin)
+        if chunk.compression:
+            try:
+                module, name = DECOMPRESSORS[chunk.compression]
+                content = bytes(getattr(import_module(module), name)().decompress(content, chunk.size + 1))
+            except Exception as error:  # each library has its own
+                raise UnreadableError(" ".join(str(error).split()) or type(error).__name__) from None
+        if len(content) != chunk.size:
+            raise UnreadableError(f"it is not of the {chunk.size} bytes that it states")
         if chunk.crc and crc32(content) != chunk.crc:
             raise UnreadableError("its checksum is another")
         return content
@@ -233,24 +242,6 @@ class ChunkedFile(ABC):
         except UnreadableError as error:
             self.damage.found(f"{where} broken ({error})", "records one behind the other")
         return np.array(found, dtype=np.int64)
-
-
-def unpacked(packed: bytes, compression: str, size: int) -> bytes:
-    """The content of a chunk. A size that lies costs no more than it states.
-
-    Raises `UnreadableError` where it is not of that size, or cannot be unpacked.
-    """
-    try:
-        if compression:
-            module, name = DECOMPRESSORS[compression]
-            content = getattr(import_module(module), name)().decompress(packed, size + 1)
-        else:
-            content = packed
-    except Exception as error:  # each library has its own
-        raise UnreadableError(" ".join(str(error).split()) or type(error).__name__) from None
-    if len(content) != size:
-        raise UnreadableError(f"it is not of the {size} bytes that it states")
-    return bytes(content)
 
 
 def _counted(logged: Logged) -> dict[int, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import ContactWrenchError, FileFormatError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .columns import Column, shown
+from .columns import Body, Column, shown
 
 MOST_ELEMENTS = 64
 """Longer lists are images, spectra and the like: they stand for no columns."""
@@ -139,18 +139,8 @@ def readable(source: str, kind: str, errors: tuple[type[Exception], ...]) -> Ite
         ) from None
 
 
-class Batch(ABC):
-    """Rows of a file, by their numbers (n,) in it from 0. A `Body`."""
-
-    def __init__(self, rows: NDArray[np.intp], source: str, done: float) -> None:
-        self._rows, self.source, self.done = rows, source, done
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def row_of(self, index: int) -> int:
-        """The number of the index-th row in the file, from 1."""
-        return int(self._rows[index]) + 1
+class Batch(Body):
+    """Rows of a file whose columns are read one by one."""
 
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for a null or a NaN."""

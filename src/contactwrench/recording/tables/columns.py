@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, takewhile
 from operator import itemgetter
-from typing import NoReturn, Protocol, TypeAlias
+from typing import NoReturn, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,28 +95,32 @@ class Column:
         return self.name.lower() == f"{self.role}{suffix}"
 
 
-class Body(Protocol):
-    """Rows of a table, all of them or a block."""
+class Body(ABC):
+    """Rows of a table, all or a block, by their numbers in the file `source`, as messages give them. `done`: the
+    part of the file, 0 to 1, that was read when these rows end; NaN where nobody knows its size.
+    """
 
-    source: str
-    """The file, as messages name it."""
-    done: float
-    """The part of the file, 0 to 1, that was read when these rows end; NaN where nobody knows its size."""
+    def __init__(self, rows: NDArray[np.intp], source: str, done: float) -> None:
+        self.rows, self.source, self.done = rows, source, done
 
     def __len__(self) -> int:
-        """Number of rows."""
+        return len(self.rows)
 
+    def row_of(self, index: int) -> int:
+        """The number of the index-th row."""
+        return int(self.rows[index])
+
+    @abstractmethod
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
         """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty or NaN.
         Raises `FileFormatError` naming row and column of what is no finite number.
         """
 
+    @abstractmethod
     def select(self, kept: NDArray[np.bool_]) -> Body:
         """Some of the rows, by a mask (n,)."""
 
-    def row_of(self, index: int) -> int:
-        """The number of the index-th row, as a message gives it."""
-
+    @abstractmethod
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for an empty cell."""
 

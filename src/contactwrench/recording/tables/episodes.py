@@ -8,7 +8,7 @@ src/lerobot/datasets/v30/convert_dataset_v21_to_v30.py).
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
@@ -153,19 +153,12 @@ def at_rate(table: OpenTable, naming: Naming, rate: float) -> OpenTable:
     return OpenTable(table.source, {**table.places, counted_times(rate): place}, bodies)
 
 
-@dataclass(eq=False)
-class _Counted:
-    """Rows (a `Body`) with times `t` (n,) in a column of its own."""
+class _Counted(Body):
+    """Rows with times `t` (n,) in a column of its own."""
 
-    body: Body
-    t: Array
-    place: int
-
-    def __post_init__(self) -> None:
-        self.source, self.done = self.body.source, self.body.done
-
-    def __len__(self) -> int:
-        return len(self.t)
+    def __init__(self, body: Body, t: Array, place: int) -> None:
+        super().__init__(body.rows, body.source, body.done)
+        self.body, self.t, self.place = body, t, place
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
         of_file = np.array([column.place != self.place for column in columns], dtype=bool)
@@ -175,9 +168,6 @@ class _Counted:
 
     def select(self, kept: NDArray[np.bool_]) -> _Counted:
         return _Counted(self.body.select(kept), self.t[kept], self.place)
-
-    def row_of(self, index: int) -> int:
-        return self.body.row_of(index)
 
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         self.body.refuse_lack(index, column)

@@ -76,8 +76,8 @@ def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
                 datasets = _datasets(file[group.path], group, asked, source)
                 length = min(map(len, datasets.values())) if datasets else _longest(file[group.path], source)
                 for start in range(0, length, rows):
-                    block = np.arange(start, min(start + rows, length))
-                    done = (k + (block[-1] + 1) / length) / len(groups)
+                    block = np.arange(start, min(start + rows, length)) + 1
+                    done = (k + block[-1] / length) / len(groups)
                     yield Datasets(datasets, group, fields, block, source, done)
 
     return OpenTable(source, places_of((field.name for field in fields), source), bodies)
@@ -101,18 +101,18 @@ class Datasets(Batch):
 
     def select(self, kept: NDArray[np.bool_]) -> Datasets:
         """Some of the rows, by a mask (n,)."""
-        return Datasets(self._datasets, self._which, self._fields, self._rows[kept], self.source, self.done)
+        return Datasets(self._datasets, self._which, self._fields, self.rows[kept], self.source, self.done)
 
     def floats(self, column: Column) -> Array:
         """The numbers (n,) of a column. Raises `FileFormatError` where they cannot be read."""
         field = self._fields[column.place]
         if not field.path:
             return np.full(len(self), float(self._which.episode or 0))
-        name, first = field.path[0], int(self._rows[0])
+        name, first = field.path[0], int(self.rows[0])
         if name not in self._read:
             with _readable(self.source):
-                block = np.asarray(self._datasets[name][first : int(self._rows[-1]) + 1], dtype=np.float64)
-            self._read[name] = block.reshape(len(block), -1)[self._rows - first]
+                block = np.asarray(self._datasets[name][first - 1 : int(self.rows[-1])], dtype=np.float64)
+            self._read[name] = block.reshape(len(block), -1)[self.rows - first]
         return self._read[name][:, field.element or 0]
 
 
