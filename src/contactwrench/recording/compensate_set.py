@@ -13,8 +13,7 @@ from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import ContactWrenches
 from ..errors import ContactWrenchError
 from ..statistics import counted
-from .compensate import Treatment, compensated
-from .in_order import without_wrench
+from .compensate import Treatment, compensated, without_wrench
 from .options import ACCEPT_FLAG, Options
 from .read import begins_with_pairs
 from .tables.columns import Advance, Tell, unheard

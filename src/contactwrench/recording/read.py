@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import starmap
 from pathlib import Path
-from typing import TypeAlias, TypeGuard
+from typing import TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import is_parquet
 from .tables.table import SUFFIXES as SUFFIXES_OF_TABLES
 from .tables.table import Table, merged, read_as_of_both, tables, without_reading
+
+Part = TypeVar("Part", Samples, Streams)
 
 MANY_AT_A_LIMIT = 0.1
 """Of the readings."""
@@ -143,6 +145,26 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
         tell(said)
     doubt = angles_in_doubt(options.pose_file or path, options) if turns_little(samples.R_base_flange) else ""
     return replace(samples, doubt=doubt) if doubt else samples
+
+
+def telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:
+    """The same parts of a recording; which columns were taken for what is noted, and what is in doubt or damaged."""
+    damage, of_table = "", not read_as_bag(path, options)
+    little = of_table
+    for k, part in enumerate(parts):
+        if k == 0 and (columns := part.read_as.get("columns")):
+            note(f"columns: {columns}")
+        t = part.t if isinstance(part, Samples) else part.wrench.t
+        poses = part if isinstance(part, Samples) else part.orientation
+        if k == 0 and of_table and (doubt := times_in_doubt(path, options, t)):
+            note(doubt)
+        little = little and turns_little(poses.R_base_flange)
+        yield part
+        damage = part.damage
+    if damage:
+        note(damage)
+    if little and (doubt := angles_in_doubt(options.pose_file or path, options)):
+        note(doubt)
 
 
 def read(
