@@ -58,14 +58,9 @@ def write_contact_wrenches(
 def _csv(batches: Iterable[ContactWrenches]) -> Iterator[str]:
     for k, batch in enumerate(batches):
         if k == 0:
-            yield csv_header(batch)
+            before = [*([EPISODE] if batch.episode is not None else []), *(["t"] if batch.t is not None else [])]
+            yield ",".join([*before, *NAMES, *(JUDGEMENT if batch.judged else [])]) + "\n"
         yield from csv_lines(batch)
-
-
-def csv_header(batch: ContactWrenches) -> str:
-    """The names of the columns that a batch, and those behind it, have."""
-    before = [*([EPISODE] if batch.episode is not None else []), *(["t"] if batch.t is not None else [])]
-    return ",".join([*before, *NAMES, *(JUDGEMENT if batch.judged else [])]) + "\n"
 
 
 def csv_lines(batch: ContactWrenches) -> Iterator[str]:
