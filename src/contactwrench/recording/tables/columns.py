@@ -62,11 +62,6 @@ class Naming:
     episode: int | None = None
     rate: float | None = None
 
-    @property
-    def names_columns(self) -> bool:
-        """Whether any column of the wrench, the orientation or the times is stated."""
-        return bool(self.wrench_columns) or "," in (self.orientation or "")
-
 
 AS_NAMED = Naming()
 

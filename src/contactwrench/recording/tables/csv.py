@@ -63,7 +63,7 @@ def open_csv(path: str | Path, rows: int, naming: Naming = AS_NAMED) -> OpenTabl
         said = f"found no row in {len(lines)} lines" if len(lines) > LONGEST_HEAD else said
         raise FileFormatError(f"{source}: {said}, expected a header line and rows of numbers")
     header_row, layout = found
-    if layout.unnamed and not naming.names_columns:
+    if layout.unnamed and not naming.wrench_columns and "," not in (naming.orientation or ""):
         raise FileFormatError(
             f"{source}: row {layout.unnamed}: found numbers, expected a header with the columns' names: write one, or "
             f"tell the {len(layout.names)} columns by number, as --wrench-columns 1,2,3,4,5,6 --orientation "

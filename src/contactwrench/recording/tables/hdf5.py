@@ -119,28 +119,25 @@ class Datasets(Batch):
 @lru_cache(4)
 def _groups_of(path: str, changed: int) -> tuple[_Group, ...]:
     """The episodes of a set in order, or the whole file; looked through once while it is as it `changed` last."""
-    with _opened(path) as file, _readable(path):
-        return tuple(_groups(file, path))
-
-
-def _groups(file: Any, source: str) -> list[_Group]:
     names: list[str] = []
 
     def too_deep(name: str) -> bool | None:
         names.append(name)
         return name.count("/") > DEEPEST or None
 
-    if file.visit(too_deep):
-        raise FileFormatError(f"{source}: found over {DEEPEST} groups in each other, expected fewer: export it anew")
-    found = [(match[1], int(match[2]), name) for name in names if (match := EPISODES.fullmatch(name))]
-    outer = [(parent, number, name) for parent, number, name in found if not EPISODES.fullmatch(parent.rstrip("/"))]
-    groups = [each for each in outer if hasattr(file[each[2]], "visititems")]
+    with _opened(path) as file, _readable(path):
+        if file.visit(too_deep):
+            raise FileFormatError(f"{path}: found over {DEEPEST} groups in each other, expected fewer: export it anew")
+        found = [(match[1], int(match[2]), name) for name in names if (match := EPISODES.fullmatch(name))]
+        outer = [each for each in found if not EPISODES.fullmatch(each[0].rstrip("/"))]
+        groups = [each for each in outer if hasattr(file[each[2]], "visititems")]
     if len({parent for parent, _, _ in groups}) > 1 or len({number for _, number, _ in groups}) < len(groups):
         raise FileFormatError(
-            f"{source}: found the groups {shown(groups[0][2])} and {shown(groups[-1][2])}, expected the episodes of "
+            f"{path}: found the groups {shown(groups[0][2])} and {shown(groups[-1][2])}, expected the episodes of "
             "one set, each with its number: name the datasets with --hdf5"
         )
-    return [_Group(name, number) for _, number, name in sorted(groups, key=itemgetter(1))] or [_Group("/", None)]
+    episodes = (_Group(name, number) for _, number, name in sorted(groups, key=itemgetter(1)))
+    return tuple(episodes) or (_Group("/", None),)
 
 
 def _longest(group: Any, source: str) -> int:

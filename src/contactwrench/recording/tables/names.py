@@ -28,7 +28,7 @@ QUANTITIES = {
     **dict.fromkeys(("t", SECONDS, NANOSECONDS), "time"),
     "load": "load",
 }
-"""Of a part, by its usual name; a part that is not here has no unit. `t` is Kawasaki's angle too: see `roles`."""
+"""Of a part, by its usual name; a part that is not here has no unit. `t` is Kawasaki's angle too: `orientations`."""
 
 VECTORS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(
@@ -98,7 +98,7 @@ _NAMES: tuple[tuple[frozenset[str], str, str], ...] = (
     (frozenset(), r"(?P<axis>load|saturated)", "{}"),
 )
 """Words that say nothing there, what is left of a header without them and without blanks, and the part that it is. The
-first group: a letter alone, which needs company (see `roles`).
+first group: a letter alone, which needs company (see `header`).
 """
 _RECORDERS = {"%time": "ns", "rosbagtimestamp": "ns", "__time": "s", "ipoc": "ms"}
 """Times of the program that wrote the file: `rostopic echo -p`, rosbag_to_csv, PlotJuggler; of a KUKA's RSI."""

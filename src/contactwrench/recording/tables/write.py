@@ -25,6 +25,8 @@ from .roles import wrench_columns
 
 NAMES = (*WRENCH_COLUMNS, *(f"{name}_std" for name in WRENCH_COLUMNS))
 JUDGEMENT = ("valid", "contact", "reason")
+CONTACT = ("0", "1", "")
+"""How contact is written: none, some, or, at place -1, that nobody can tell."""
 PREFIX = "contact_"
 """Of the new columns' names in a Parquet file, where the recording's columns have one of their names."""
 
@@ -73,18 +75,9 @@ def csv_lines(batch: ContactWrenches) -> Iterator[str]:
         some = slice(start, start + LINES)
         cells = [column[some].tolist() for column in columns]
         if batch.judged:
-            cells += _judgement(batch, some)
+            contact = [CONTACT[touches] for touches in batch.contact[some].tolist()]
+            cells += [batch.valid[some].tolist(), contact, [quoted(reason) for reason in batch.reason[some]]]
         yield line * len(cells[0]) % tuple(chain.from_iterable(zip(*cells, strict=True)))
-
-
-def _judgement(batch: ContactWrenches, some: slice) -> list[list[Any]]:
-    """The cells of some samples' judgement, column by column."""
-    contact = ("0", "1", "")  # the last also stands at place -1
-    return [
-        batch.valid[some].tolist(),
-        [contact[touches] for touches in batch.contact[some].tolist()],
-        [quoted(reason) for reason in batch.reason[some]],
-    ]
 
 
 def quoted(reason: str | None) -> str:
