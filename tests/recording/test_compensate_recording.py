@@ -24,10 +24,9 @@ from contactwrench.compensate.faults import Reason
 from contactwrench.compensate.filters import LowPass
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
-from contactwrench.recording.compensate import Treatment, compensated
-from contactwrench.recording.in_order import NOTHING
+from contactwrench.recording.compensate import NOTHING, Treatment, compensated
+from contactwrench.recording.in_doubt import SATURATED
 from contactwrench.recording.options import Options
-from contactwrench.recording.stuck_readings import SATURATED
 from contactwrench.report.contacts import ContactLog, summary, write_contact_report
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run
 from tests.support.world import DOWN, Array, Rig, noisy_readings, random_rotations, readings

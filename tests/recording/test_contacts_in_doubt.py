@@ -17,7 +17,7 @@ import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import Contact, ContactWrenches
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording.compensate import Treatment, compensated
-from contactwrench.recording.contacts_in_doubt import InDoubt, OffThroughout
+from contactwrench.recording.in_doubt import InDoubt, OffThroughout
 from contactwrench.recording.options import Options
 from contactwrench.samples.samples import Samples
 from tests.support.in_motion import at_stops, moving

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.compensate.faults import Reason
-from contactwrench.recording.stuck_readings import StuckReadings
+from contactwrench.recording.in_doubt import StuckReadings
 from contactwrench.samples.limits import channels_at_limit
 from tests.support.live import calibrated, times
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written

@@ -6,7 +6,7 @@ from typing import Any
 
 import contactwrench as cw
 from contactwrench.errors import InputError, refuse
-from contactwrench.recording.base_frames import in_base_of_recording
+from contactwrench.recording.as_calibrated import in_base_of_recording
 from contactwrench.recording.options import Options, remembered
 from contactwrench.samples.samples import ReadAs
 

@@ -241,3 +241,17 @@ ARMS: dict[str, Arm] = {
     **_arms({"fr3": FRANKA_LENGTHS}, FRANKA_TWISTS, FR3_LIMITS, FRANKA_HOME, FRANKA),
 }
 """By name. Twists, lengths and limits are the makers' figures; `source` says where they stand."""
+OF_UNIVERSAL_ROBOTS = frozenset(arm.base_frame for name, arm in ARMS.items() if name.startswith("ur"))
+AGAINST_CONTROLLER = {"base": np.eye(3), "base_link": np.diag([-1.0, -1.0, 1.0])}
+"""How the bases that ROS has of Universal Robots' arms stand to their controller's: `base_link`, x forward, is half a
+turn about z away from it (Universal_Robots_ROS2_Description, urdf/ur_macro.xacro, base_link-base_fixed_joint and
+base_link-base_link_inertia). ROS-Industrial's `base` and `base_link` are alike on some arms and not on others.
+"""
+
+
+def R_between(frame: str, other: str) -> Array | None:
+    """`R_frame_other` (3, 3) of two base frames; None where it is not known."""
+    if frame == other:
+        return np.eye(3)
+    named = {frame, other} - OF_UNIVERSAL_ROBOTS
+    return AGAINST_CONTROLLER.get(named.pop()) if len(named) == 1 else None  # either way: a half turn is its inverse

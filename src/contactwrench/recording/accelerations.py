@@ -28,9 +28,7 @@ OF_AXIS = re.compile(r"(?!.*angular)(?:.*[/._ ])?(?:linear_?)?a(?:cc(?:el(?:erat
 
 
 def accelerometer_of(path: str | Path, options: Options) -> AccelerometerStream | None:
-    """What `options.imu` names in a recording or beside it; None where it names nothing. Raises `FileAccessError` and
-    `FileFormatError` where it cannot be read, or holds no accelerations.
-    """
+    """The stream that `options.imu` names in a recording or beside it; None: it names nothing. Raises as reading."""
     if options.imu is None:
         return None
     suffix = Path(options.imu).suffix.lower()
@@ -45,9 +43,7 @@ def accelerometer_of(path: str | Path, options: Options) -> AccelerometerStream 
 
 
 def with_accelerations(samples: Samples, stream: AccelerometerStream | None) -> Samples:
-    """The samples with an accelerometer's readings beside them, if there are both. Raises `InputError` where they have
-    no times in common.
-    """
+    """The samples with an accelerometer's readings beside them, if there are both, which have times in common."""
     return samples if stream is None or not len(samples) else with_accelerometer(samples, stream)
 
 
@@ -86,8 +82,6 @@ def _of_table(path: str | Path, columns: str | None, naming: Naming) -> Accelero
 
 
 def _named_alike(names: list[str]) -> list[str]:
-    """The three columns whose names are those of accelerations, in the order of their axes; none of any others, and of
-    those of several instruments.
-    """
+    """The three columns named as accelerations are, in the order of their axes; none where there are others, too."""
     matches = [(match[1].lower(), name) for name in names if (match := OF_AXIS.fullmatch(name))]
     return [name for _, name in sorted(matches)] if sorted(axis for axis, _ in matches) == list("xyz") else []

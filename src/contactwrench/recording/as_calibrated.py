@@ -1,8 +1,7 @@
 """A recording read as its calibration's was: an option that nobody stated is the calibration's, where it fits.
 
-Two files of one sensor may be written differently, so a file's columns say whether options of the columns fit. What the
-numbers mean (sign, axes, inverse, a stated unit) no column says: it goes with the columns, and where these are others
-it is asked for.
+A file's columns say whether options of the columns fit. What the numbers mean (sign, axes, inverse, a stated unit) no
+column says: it goes with the columns, and where these are others it is asked for.
 """
 
 from __future__ import annotations
@@ -15,6 +14,9 @@ from pathlib import Path
 from shlex import join
 from typing import Any
 
+import numpy as np
+
+from ..assess.robot_arms import R_between
 from ..calibration.calibration import Calibration
 from ..errors import ContactWrenchError, FileFormatError, InputError
 from ..files import name_of
@@ -23,7 +25,6 @@ from .bags.chunks import Topic
 from .bags.open import Bag, opened_bag
 from .bags.read import base_frame
 from .bags.topics import pose_topics, wrench_topic
-from .base_frames import in_base_of_recording
 from .options import AS_USUAL, OF_MEANING, Options, remembered
 from .read import read_as_bag
 from .tables.columns import ColumnRoles, shown, taken_for
@@ -65,9 +66,7 @@ class AsCalibrated:
 
 @dataclass(frozen=True)
 class _Taken:
-    """Options of the calibration that fit the recording, which of them it would be read with `anyhow`, and the base
-    that it names.
-    """
+    """Options of the calibration that fit, those of them that would be so `anyhow`, and the base that is named."""
 
     values: dict[str, Any]
     anyhow: frozenset[str]
@@ -78,10 +77,8 @@ def as_calibrated(
     path: Path, options: Options, stated: Collection[str], calibration: Calibration, *, gravity_stated: bool = False
 ) -> AsCalibrated:
     """Complete the options of reading, of which somebody `stated` some, by those of a calibration, and bring that into
-    the recording's base, unless `gravity_stated`: in which no other direction matters then.
-
-    Raises as reading, and `InputError` for an option of the calibration that may or may not hold here, and for a base
-    that nobody knows against its.
+    the recording's base, unless `gravity_stated`. Raises as reading, and `InputError` for an option that may or may not
+    hold here, and for a base that nobody knows against the calibration's.
     """
     known = remembered(calibration.provenance)
     left_open = {name: value for name, value in known.items() if name not in stated}
@@ -119,6 +116,30 @@ def as_calibrated(
     doubts = [finding.brief for finding in calibration.findings if finding.severity == calibration.verdict]
     notes += [f"the calibration is {calibration.verdict}: {doubt}" for doubt in doubts[:1]]  # `show` has it whole
     return AsCalibrated(read, calibration, tuple(notes))
+
+
+def in_base_of_recording(
+    calibration: Calibration, base_frame: str | None, source: str
+) -> tuple[Calibration, str | None]:
+    """A calibration for a recording, `source` in words, whose orientations are in `base_frame` (None: it does not say),
+    in that base; and what there is to say of it. Raises `InputError` where nobody knows how the two bases stand.
+    """
+    own, new = (str(name or "").removeprefix("/") for name in (calibration.provenance.get("base_frame"), base_frame))
+    if not own or not new:
+        upright = np.array_equal(np.abs(calibration.gravity_direction), [0.0, 0.0, 1.0])  # so no turn about z matters
+        silent = "the calibration" if new else "this recording"
+        said = f"{silent} does not name its base: taken to be {own or new} (--base-frame names it)"
+        return calibration, said if (own or new) and not upright else None
+    R = R_between(new, own)
+    if R is None:
+        raise InputError(
+            f"{source}: found orientations in {new}, expected the calibration's base, {own}: if the two are one, say "
+            f"{join(['--base-frame', own])}, else which way gravity points in {new}, with --gravity X,Y,Z"
+        )
+    if np.array_equal(R, np.eye(3)):
+        return calibration, None
+    said = f"orientations are in {new}, half a turn about z from the calibration's {own}: it was turned into that"
+    return calibration.with_base(R, new), said
 
 
 def _differences(
@@ -173,9 +194,7 @@ def _orientation_anyhow(path: Path, options: Options, values: Mapping[str, Any])
 
 
 def _require_units(path: Path, read: Options, provenance: Mapping[str, Any]) -> None:
-    """Raise `InputError` where the names of the calibration's columns stated an unusual unit and those of a table state
-    none.
-    """
+    """Raise `InputError` where the calibration's columns stated an unusual unit and those of a table state none."""
     by_option = stated_units(provenance.get("units"))
     before = {q: unit for q, unit in stated_units(provenance.get("units_read")).items() if q not in by_option}
     for quantity, columns in _roles(path, read).with_units.items() if before else ():

@@ -1,7 +1,4 @@
-"""A recording to contact wrenches, batch by batch: on one clock where it is two streams, judged where that is asked.
-
-One row comes out for each reading, in its order. Where it has no orientation, or something is wrong, the row says so.
-"""
+"""A recording to contact wrenches, batch by batch: a row for each reading, in order, which says what is wrong."""
 
 from __future__ import annotations
 
@@ -10,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, islice
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
@@ -20,6 +17,7 @@ from ..compensate.bias_tracking import free_mean
 from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
 from ..compensate.delay import delay_of, std_of_delay
+from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, smoothed
 from ..errors import InputError
 from ..estimation.calibrate import calibrate
@@ -28,22 +26,20 @@ from ..geometry.ranges import DELAY, DURATION
 from ..samples.bursts import bursts_in, even_rows, spread
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
-from ..samples.synchronize import NOT_A_NUMBER, synchronized
+from ..samples.synchronize import NOT_A_NUMBER, Synchronized, synchronized
 from ..samples.timestamps import spread_evenly
 from .accelerations import accelerometer_of, with_accelerations
-from .contacts_in_doubt import InDoubt, OffThroughout
-from .in_order import NOTHING, InOrder, without_wrench
+from .in_doubt import InDoubt, OffThroughout, StuckReadings
 from .options import Options
-from .read import Block, are_pairs, as_streams, batches, blocks, read_as_bag, samples_of
-from .stuck_readings import StuckReadings
+from .read import Block, are_pairs, as_streams, batches, blocks, samples_of, telling
 from .tables.columns import ROWS, Advance, Tell, unheard
-from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.table import Table, without_reading
-
-Part = TypeVar("Part", Samples, Streams)
 
 ALL_ROWS = 10**9
 """At once, where accelerations are taken from what comes before and after."""
+
+
+NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +118,7 @@ def _goes_row_by_row(first: Block, calibration: Calibration, treatment: Treatmen
 
 def _with_zero_of(path: str | Path, options: Options, calibration: Calibration, seconds: float) -> Calibration:
     """The calibration with the bias of a recording's first `seconds`, in which nothing may touch the tool, at rest.
-
-    Raises `InputError` where these move, scatter or are too few, and as reading and pairing raise it.
+    Raises `InputError` where these move, scatter or are too few, and as reading and pairing.
     """
     first, begin = list[Samples](), np.nan
     for part in synchronized(batches(path, options)):
@@ -144,26 +139,6 @@ def _with_zero_of(path: str | Path, options: Options, calibration: Calibration, 
     return replace(zeroed, still_noise=calibration.still_noise)
 
 
-def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:
-    """The same parts of a recording; which columns were taken for what is noted, and what is in doubt or damaged."""
-    damage, of_table = "", not read_as_bag(path, options)
-    little = of_table
-    for k, part in enumerate(parts):
-        if k == 0 and (columns := part.read_as.get("columns")):
-            note(f"columns: {columns}")
-        t = part.t if isinstance(part, Samples) else part.wrench.t
-        poses = part if isinstance(part, Samples) else part.orientation
-        if k == 0 and of_table and (doubt := times_in_doubt(path, options, t)):
-            note(doubt)
-        little = little and turns_little(poses.R_base_flange)
-        yield part
-        damage = part.damage
-    if damage:
-        note(damage)
-    if little and (doubt := angles_in_doubt(options.pose_file or path, options)):
-        note(doubt)
-
-
 def _row_by_row(
     pairs: Iterable[Block], path: str | Path, options: Options, tool: Calibration, treatment: Treatment, note: Tell
 ) -> Iterator[ContactWrenches]:
@@ -176,7 +151,7 @@ def _row_by_row(
                 read[:] = [block]  # and not by tee, which holds on to dozens of blocks
                 yield samples_of(block)
 
-    for samples in _telling(readings(), path, options, note):
+    for samples in telling(readings(), path, options, note):
         table, rows = read[0], _plain(tool, with_accelerations(samples, imu), treatment)
         off.add(rows)
         if len(rows) < len(table) and table.t is not None:
@@ -206,7 +181,7 @@ def _paired(
         whose = "the calibration's" if treatment.delay is None else "as stated"
         by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
         note(f"the wrench is taken to be stamped {by} than the orientation, {whose}")
-    listened = order.listening(_telling(recording, path, options, note))
+    listened = order.listening(telling(recording, path, options, note))
     parts = synchronized(listened, delay, at_their_pace=calibration.dynamics is not None)
     begun = list(islice(parts, 2))
     compensator, stuck, off = None, StuckReadings(), OffThroughout(calibration)
@@ -270,3 +245,38 @@ def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Ite
         raise InputError("found no times to filter by, expected a column t: add it, or leave the low-pass out")
     evenly = spread(whole.t, bursts_in(whole.t))
     yield replace(whole, wrench=smoothed(evenly, whole.wrench, treatment.low_pass))
+
+
+class InOrder:
+    """Puts rows, as they are paired, back into the order of the recording; between two calls it holds what waits."""
+
+    def __init__(self) -> None:
+        self._begin = 0
+        self._t: list[Array] = [np.empty(0)]
+        self._ahead: tuple[NDArray[np.intp], ContactWrenches] = (np.empty(0, dtype=np.intp), NOTHING)
+
+    def listening(self, recording: Iterable[Streams]) -> Iterator[Streams]:
+        """The same batches; the stamps of their readings are kept."""
+        for streams in recording:
+            self._t.append(streams.wrench.t)
+            yield streams
+
+    def whole(self, paired: ContactWrenches, part: Synchronized) -> ContactWrenches:
+        """All rows from where the last call ended up to the first that is not yet known."""
+        t = np.concatenate(self._t)
+        missing = [without_wrench(left.reason, t[left.rows - self._begin]) for left in part.left_out]
+        rows = np.concatenate([self._ahead[0], part.rows, *(left.rows for left in part.left_out)])
+        known = ContactWrenches.concatenate([self._ahead[1], paired, *missing])
+        order = np.argsort(rows, kind="stable")
+        rows, known = rows[order], known.select(order)
+        count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
+        self._ahead = rows[count:], replace(known.select(slice(count, None)), contacts=())
+        done = replace(known.select(slice(count)), t=t[:count])
+        self._begin, self._t = self._begin + count, [t[count:]]
+        return done
+
+
+def without_wrench(reason: str, t: Array) -> ContactWrenches:
+    """Rows at `t` (n,) that have no contact wrench, and why."""
+    n, nan = len(t), np.full((len(t), 6), np.nan)
+    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (Reason(f"left out: {reason}", reason),) * n)

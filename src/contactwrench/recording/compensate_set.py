@@ -13,8 +13,7 @@ from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import ContactWrenches
 from ..errors import ContactWrenchError
 from ..statistics import counted
-from .compensate import Treatment, compensated
-from .in_order import without_wrench
+from .compensate import Treatment, compensated, without_wrench
 from .options import ACCEPT_FLAG, Options
 from .read import begins_with_pairs
 from .tables.columns import Advance, Tell, unheard
@@ -36,9 +35,8 @@ def compensated_set(
     *,
     accept_damaged: bool = False,
 ) -> Iterator[ContactWrenches]:
-    """As `compensated`, of each of the `episodes` of a set by itself; of each row it says whether it is valid. One that
-    cannot be compensated ends it, by name, or, with `accept_damaged`, has rows without a contact wrench that say why;
-    where none can, that is raised.
+    """As `compensated`, of each of the `episodes` of a set by itself. One that cannot be compensated ends it, or, with
+    `accept_damaged`, has rows without a contact wrench that say why; where none can, that is raised.
     """
     said: dict[str, list[int]] = {}
     lost: list[ContactWrenches] = []

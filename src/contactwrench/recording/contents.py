@@ -86,9 +86,8 @@ class BagContents:
 
 @dataclass(frozen=True)
 class TableContents:
-    """A table: its columns, its number of rows, and, where it has a column of times, its rhythm; in sentences what its
-    `reading` takes for what, or lacks, and the option that would give it. Of a set of recordings also its `episodes`;
-    start and rhythm are those of the first.
+    """A table: its columns, its number of rows, its rhythm where it has times, and in sentences what its `reading`
+    takes for what, or lacks. Of a set also its `episodes`; start and rhythm are those of the first.
     """
 
     path: str
@@ -143,9 +142,7 @@ def table_contents(path: str | Path, advance: Advance = unheard) -> TableContent
 def _counted(
     table: OpenTable, t_columns: tuple[Column, ...], advance: Advance
 ) -> tuple[int, Array | None, tuple[int, ...]]:
-    """The number of rows, their times where there are columns of them, of a set those of its first episode, and its
-    episodes.
-    """
+    """The number of rows, their times where there are any, of a set those of its first episode, and its episodes."""
     of_episode = episode_column(table)
     columns = t_columns if of_episode is None else (*t_columns, of_episode)
     count, parts = 0, [np.empty((0, len(columns)))]

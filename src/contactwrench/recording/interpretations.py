@@ -1,7 +1,4 @@
-"""Every interpretation of a file that a person could have meant: of its orientation, times those of its wrench.
-
-One is made by options where there are options, by words about the file where there are none.
-"""
+"""Every interpretation of a file that a person could have meant: by options, or by words about the file."""
 
 from __future__ import annotations
 
@@ -114,9 +111,8 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
 
 
 def _rotations(rows: Written) -> Array | None:
-    """Rotations (n, 3, 3) of the orientation's numbers that tell one stop from the next: as stated, unless these may be
-    radians that are read in degrees, or jump where the numbers are stitched together; else by the convention by which
-    the arm turns least. None where no convention makes any.
+    """Rotations (n, 3, 3) that tell one stop from the next: as stated, unless these may be radians read in degrees, or
+    jump; else by the convention by which the arm turns least. None where no convention makes any.
     """
     may_be_radians = all(np.abs(numbers).max(initial=0.0) <= LONGEST_ROTATION_VECTOR for _, numbers in rows.sets)
     some = slice(None, None, 1 + len(rows.wrench) // ROWS_LOOKED_AT)

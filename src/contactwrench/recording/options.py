@@ -36,10 +36,7 @@ IN_BASE_AXES = (
 
 @dataclass(frozen=True)
 class Options(Naming):
-    """How a recording is written: arguments of `read` under their names, those of a table's columns as a `Naming`.
-
-    Raises `InputError` for a `wrench_frame` and a `sign` that are none, and for what is to be a text and is none.
-    """
+    """How a recording is written: arguments of `read` under their names. Raises `InputError` for others."""
 
     wrench_frame: str = "sensor"
     sign: str = "pull"
@@ -116,10 +113,7 @@ AS_USUAL = Options()
 
 
 def remembered(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of reading that a calibration's provenance holds, under their names, less those of one file alone.
-
-    Raises `InputError` for what is no such option.
-    """
+    """The options of reading that a provenance holds, less those of one file alone. Raises `InputError` for others."""
     names = (*OF_MEANING, "orientation", "wrench_columns", "time_column", "units", "hdf5", *OF_BAGS)
     kept = {name: provenance[name] for name in names if provenance.get(name) not in (None, "auto")}
     for name, value in kept.items():

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import starmap
 from pathlib import Path
-from typing import TypeAlias, TypeGuard
+from typing import TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,8 @@ from .tables.parquet import is_parquet
 from .tables.table import SUFFIXES as SUFFIXES_OF_TABLES
 from .tables.table import Table, merged, read_as_of_both, tables, without_reading
 
+Part = TypeVar("Part", Samples, Streams)
+
 MANY_AT_A_LIMIT = 0.1
 """Of the readings."""
 Block: TypeAlias = Table | Streams
@@ -35,9 +37,8 @@ Block: TypeAlias = Table | Streams
 
 
 def read_as_bag(path: str | Path, options: Options = AS_USUAL) -> bool:
-    """Whether a recording is a bag, by the suffix of a file or by what is in a folder; else it is a table, or two.
-
-    Raises `FileFormatError` for a suffix of neither, and `InputError` for what `options` says of the other kind.
+    """Whether a recording is a bag; else it is a table, or two. Raises `FileFormatError` for a suffix of neither, and
+    `InputError` for what `options` says of the other kind.
     """
     is_one = _is_bag(path)
     if options.pose_file is not None and (bags := [each for each in (path, options.pose_file) if _is_bag(each)]):
@@ -61,9 +62,7 @@ def _is_bag(path: str | Path) -> bool:
 def blocks(
     path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance = unheard
 ) -> Iterator[Block]:
-    """A recording of any kind in consecutive blocks of about so many `rows`, each row once and in order; memory for one
-    of them. Raises as `read`, at once or at a block.
-    """
+    """A recording in consecutive blocks of about so many `rows`, each row once and in order. Raises as `read`."""
     if read_as_bag(path, options):
         return bag_batches(path, options, rows, advance)
     if options.pose_file is None:
@@ -85,8 +84,7 @@ def begins_with_pairs(path: str | Path, options: Options = AS_USUAL) -> bool:
 
 def read_streams(path: str | Path, options: Options = AS_USUAL) -> Streams:
     """A recording as it is, each stream at its own times: wrench in N and N m, sensor axes, pull sign, NaN where there
-    is none; orientations of `R_base_flange`; s. Of one table a row belongs to both streams, or to one where its other
-    cells are empty. Raises as `read`.
+    is none; orientations of `R_base_flange`; s. Raises as `read`.
     """
     return Streams.concatenate(list(batches(path, options)))
 
@@ -94,9 +92,7 @@ def read_streams(path: str | Path, options: Options = AS_USUAL) -> Streams:
 def batches(
     path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance = unheard
 ) -> Iterator[Streams]:
-    """The same in consecutive batches of at most about `rows` rows, each row once and in order; memory for one of them.
-    Raises as `read`, at once or at a batch.
-    """
+    """The same in consecutive batches of about so many `rows`, each row once and in order. Raises as `read`."""
     return map(as_streams, blocks(path, options, rows, advance))
 
 
@@ -104,10 +100,8 @@ def read_samples(
     path: str | Path, options: Options, advance: Advance = unheard, tell: Tell = unheard, begin: Tell = unheard
 ) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
-    orientation is brought to the wrench's times, `begin` hears that this begins, and `tell` how. Raises as `read`.
-
-    The delay between two streams, of free readings, is applied where it is significant. Where a recording with times
-    does not say which channels stood at their limits, its readings do.
+    orientation is brought to the wrench's times, with the delay where it is significant: `begin` hears that this
+    begins, and `tell` how. Where nobody says which channels stood at their limits, the readings do. Raises as `read`.
     """
     parts = list(blocks(path, options, advance=advance))
     if columns := parts[0].read_as.get("columns"):
@@ -151,6 +145,26 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
         tell(said)
     doubt = angles_in_doubt(options.pose_file or path, options) if turns_little(samples.R_base_flange) else ""
     return replace(samples, doubt=doubt) if doubt else samples
+
+
+def telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:
+    """The same parts of a recording; which columns were taken for what is noted, and what is in doubt or damaged."""
+    damage, of_table = "", not read_as_bag(path, options)
+    little = of_table
+    for k, part in enumerate(parts):
+        if k == 0 and (columns := part.read_as.get("columns")):
+            note(f"columns: {columns}")
+        t = part.t if isinstance(part, Samples) else part.wrench.t
+        poses = part if isinstance(part, Samples) else part.orientation
+        if k == 0 and of_table and (doubt := times_in_doubt(path, options, t)):
+            note(doubt)
+        little = little and turns_little(poses.R_base_flange)
+        yield part
+        damage = part.damage
+    if damage:
+        note(damage)
+    if little and (doubt := angles_in_doubt(options.pose_file or path, options)):
+        note(doubt)
 
 
 def read(
@@ -218,9 +232,7 @@ def read(
 
 
 def as_streams(block: Block, *, every: bool = False) -> Streams:
-    """A block as both streams: the rows of a table that have a wrench, or of pairs `every` one, if of no numbers, and
-    those that have an orientation. Raises `FileFormatError` where there are no times.
-    """
+    """A block as both streams: the rows with a wrench, or of pairs `every` one, and those with an orientation."""
     return block if isinstance(block, Streams) else _streams(block, block, every=every and are_pairs(block))
 
 

@@ -1,8 +1,4 @@
-"""A robot arm from a URDF file: the joints between its root and its flange, as far as they turn and carry the flange.
-
-A URDF is XML, and origins and limits of revolute joints are all that is asked of it, so Python's own reader does;
-meshes, masses and colours are passed over. Format: http://wiki.ros.org/urdf/XML/joint.
-"""
+"""A robot arm from a URDF file: the joints from its root to its flange. Format: http://wiki.ros.org/urdf/XML/joint."""
 
 from __future__ import annotations
 

@@ -107,10 +107,8 @@ def _groups(sets: list[tuple[Array, float]], rows: NDArray[np.intp]) -> Iterator
 
 def rows_as_written(path: str | Path, options: Options) -> Written:
     """Read a recording without making rotations of its orientation, but for those that it states. Raises as `read`, but
-    not for numbers that are no rotation, nor where `auto` cannot choose between columns that all could be one.
-
-    Rows with a saturated channel or a load are left out. A wrench without an orientation in its row has the nearest in
-    time.
+    not for numbers that are no rotation, nor where `auto` cannot choose. Rows with a saturated channel or a load are
+    left out. A wrench without an orientation in its row has the nearest in time.
     """
     if read_as_bag(path, options):
         return _of_bag(path, options)

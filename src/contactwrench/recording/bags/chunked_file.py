@@ -1,8 +1,4 @@
-"""A file that keeps messages in chunks, held against what it says of itself.
-
-Nothing is believed that is said once: the file is walked record by record (mcap.py, ros1.py), and what lies there is
-held against every index and count in it.
-"""
+"""A file that keeps messages in chunks: walked record by record, and held against every index and count in it."""
 
 from __future__ import annotations
 
@@ -22,17 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError
-from .chunks import LATEST, NOTHING, ZSTD, Connection, Logged, in_order
-from .damage import Damage
+from .chunks import LATEST, NOTHING, ZSTD, Connection, Damage, Logged, in_order
 
 INDEX = np.dtype([("connection", "i8"), ("stamp", "u8"), ("place", "i8")])
 """What the index of a chunk says of a message: also where in the chunk its record is."""
 LARGEST = 2**30
 """Bytes: recorders close a chunk at one to some MiB, or behind the one message that is larger."""
 DENSEST, FREE = 100, 2**26
-"""A file may state so many times its own size, and so many bytes, as the content of its chunks: readings and poses come
-packed 2 to 20 times, and a few images of one colour 10,000 times. What states more costs too much.
-"""
+"""Times its own size, and bytes, that a file may state as the content of its chunks: readings pack 2 to 20 times."""
 MOST_TOPICS = 4096
 """The busiest robots record some hundreds."""
 DECOMPRESSORS = {
@@ -66,11 +59,8 @@ class Chunk:
 
 
 class ChunkedFile(ABC):
-    """A file that keeps messages in chunks, a `Source`: `counts` are as the file says itself. `said`: what its index
-    says of the chunk at each place. Open as long as `files`.
-
-    Raises `ValueError` for what is no such file, and `FileFormatError` for damage that is not accepted, and for what
-    would cost too much.
+    """A `Source`, open as long as `files`; `said`: what its index says of the chunk at each place. Raises `ValueError`
+    for what is no such file, `FileFormatError` for damage that is not accepted, and for what would cost too much.
     """
 
     def __init__(self, path: Path, files: ExitStack, damage: Damage) -> None:
@@ -86,9 +76,7 @@ class ChunkedFile(ABC):
 
     @abstractmethod
     def _take(self, place: int, end: int) -> int:
-        """Note the record at a place of the file; where it ends. Raises `UnreadableError` where that is behind `end`,
-        as the methods below do for what they find.
-        """
+        """Note the record at a place; where it ends. Raises `UnreadableError`, as all below, if behind `end`."""
 
     @abstractmethod
     def _as_said(self, chunk: Chunk) -> Any:
@@ -181,7 +169,16 @@ class ChunkedFile(ABC):
         self.counts = dict(counts)
 
     def _content(self, chunk: Chunk) -> bytes:
-        content = unpacked(self._bytes(chunk.begin, chunk.end - chunk.begin), chunk.compression, chunk.size)
+        """What is in a chunk; a size that lies costs no more than it states. Raises `UnreadableError`."""
+        content = self._bytes(chunk.begin, chunk.end - chunk.begin)
+        if chunk.compression:
+            try:
+                module, name = DECOMPRESSORS[chunk.compression]
+                content = bytes(getattr(import_module(module), name)().decompress(content, chunk.size + 1))
+            except Exception as error:  # each library has its own
+                raise UnreadableError(" ".join(str(error).split()) or type(error).__name__) from None
+        if len(content) != chunk.size:
+            raise UnreadableError(f"it is not of the {chunk.size} bytes that it states")
         if chunk.crc and crc32(content) != chunk.crc:
             raise UnreadableError("its checksum is another")
         return content
@@ -230,9 +227,7 @@ class ChunkedFile(ABC):
     def _places(
         self, content: bytes, flat: NDArray[np.uint8], places: NDArray[np.int64], where: str
     ) -> NDArray[np.int64]:
-        """Where the records of messages are: by the index if nothing but definitions is between those, else by going
-        from record to record up to what is none.
-        """
+        """Where messages are: by the index if nothing but definitions is between them, else from record to record."""
         starts, ends = np.append(places, len(flat)), np.insert(self._ends(flat, places), 0, 0)
         gaps = np.stack([ends, starts], axis=1)[starts != ends].tolist()
         found = array("q")
@@ -247,24 +242,6 @@ class ChunkedFile(ABC):
         except UnreadableError as error:
             self.damage.found(f"{where} broken ({error})", "records one behind the other")
         return np.array(found, dtype=np.int64)
-
-
-def unpacked(packed: bytes, compression: str, size: int) -> bytes:
-    """The content of a chunk. A size that lies costs no more than it states.
-
-    Raises `UnreadableError` where it is not of that size, or cannot be unpacked.
-    """
-    try:
-        if compression:
-            module, name = DECOMPRESSORS[compression]
-            content = getattr(import_module(module), name)().decompress(packed, size + 1)
-        else:
-            content = packed
-    except Exception as error:  # each library has its own
-        raise UnreadableError(" ".join(str(error).split()) or type(error).__name__) from None
-    if len(content) != size:
-        raise UnreadableError(f"it is not of the {size} bytes that it states")
-    return bytes(content)
 
 
 def _counted(logged: Logged) -> dict[int, int]:

@@ -1,8 +1,4 @@
-"""The messages of a recording's file as they were logged, a chunk at a time and many at once.
-
-MCAP and ROS 1 keep messages in chunks of about a MiB. A chunk is read whole, where its messages lie is noted, and the
-rest is left to numpy (chunked_file.py). sqlite3 has no chunks (sqlite.py).
-"""
+"""The messages of a recording's file as they were logged, many at once: what every kind of bag is read into."""
 
 from __future__ import annotations
 
@@ -16,6 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import FileFormatError
+from ..options import ACCEPT_FLAG
 from .message_layout import Raw, joined, written
 
 AT_ONCE = 8192
@@ -71,8 +69,7 @@ NOTHING = Logged(np.empty(0, LOG), joined([]))
 @dataclass(frozen=True)
 class Connection:
     """What one publisher of a topic, or all of them, recorded: the definition of its type, in IDL or in ROS' own
-    language, empty where there is none; the hash of that, where it is written; and what else rosbags is to be told to
-    write the like, by its names.
+    language, and its hash, each empty where there is none; and what else rosbags is to be told to write the like.
     """
 
     topic: Topic
@@ -80,6 +77,47 @@ class Connection:
     is_idl: bool
     digest: str
     details: dict[str, Any]
+
+
+class Damage:
+    """What was found damaged in a bag while it is read. `accepted`: what is left of it is wanted."""
+
+    def __init__(self, source: str, accepted: bool = False) -> None:
+        self.source, self.accepted = source, accepted
+        self._found: dict[str, None] = {}
+        self._doubts: dict[str, None] = {}
+        self.left_open = ""
+        """One sentence where the recording was not closed and lacks nothing but its end; empty: it was closed."""
+
+    def found(self, what: str, expected: str) -> None:
+        """Note what was found, as "164 of 950 messages of /wrench". Raises `FileFormatError` unless it is accepted."""
+        if not self.accepted:
+            raise FileFormatError(
+                f"{self.source}: found {what}, expected {expected}: the file is damaged; record or copy it again, or "
+                f"read what is left of it with {ACCEPT_FLAG}"
+            )
+        self._found[f"found {what}, expected {expected}"] = None
+
+    def doubt(self, sentence: str) -> None:
+        """Note what was read though it may be meant otherwise."""
+        self._doubts[f"{self.source}: {sentence}"] = None
+
+    def end_missing(self) -> None:
+        """Note that the program that recorded it was ended from outside, and that all that it wrote is there."""
+        self.left_open = f"{self.source} was not closed, as when its program is killed: what it had written was read"
+
+    @property
+    def first(self) -> str:
+        """What was found first, without its reason and what was expected; empty: nothing."""
+        return next(iter(self._found), "").partition(", expected")[0].partition(" (")[0]
+
+    @property
+    def said(self) -> str:
+        """All that was found, of much the first and the last, which count; else that it was left open; and doubts."""
+        found = list(self._found)
+        found[4:-4] = [f"{len(found) - 8} more"] if len(found) > 9 else found[4:-4]
+        damaged = f"{self.source} is damaged: {'; '.join(found)}; what was left of it was read" if found else ""
+        return "; ".join(filter(None, [damaged or self.left_open, *self._doubts]))
 
 
 class Source(Protocol):

@@ -52,20 +52,19 @@ def write_bag_with(
     accept_damaged: bool = False,
     note: Tell = unheard,
 ) -> str:
-    """Copy a bag and add the contact wrench as a topic of `geometry_msgs/WrenchStamped`.
+    """Copy a bag and add the contact wrench as a topic of `geometry_msgs/WrenchStamped`; its name is given back.
 
-    Every other message keeps its payload, type, definition and the time at which it was recorded, in an MCAP with an
-    index also its number and its time of publication; every topic keeps its quality of service or its latching; a
-    compressed bag stays compressed. A contact wrench stands behind its reading, with its stamps, and its frame unless
-    another `frame` is stated.
+    Every other message keeps its payload, type, definition and time, in an MCAP with an index also its number and its
+    time of publication; every topic its quality of service or latching; a compressed bag stays compressed. A contact
+    wrench stands behind its reading, with its stamps, and its frame unless another `frame` is stated.
 
-    The `wrenches` (m, 6), N and N m, come as a row for each message of the `wrench_topic` (None: the only one) in the
-    order of `bag_batches`; a row of NaN is written as such. Their `topic`, which is given back, is the wrench's own
-    with `/contact` behind it where none is named. `note` is told, at the end, what of a damaged bag was left out.
+    The `wrenches` (m, 6), N and N m, come as a row, NaN too, for each message of the `wrench_topic` (None: the only
+    one) in the order of `bag_batches`. Their `topic` is the wrench's own with `/contact` behind it where none is named.
+    `note` is told, at the end, what of a damaged bag was left out.
 
-    Raises as `bag_batches`; `FileAccessError` where the output is the input, is a folder that is there, or cannot be
-    written; `FileFormatError` for an output of another kind; `InputError` where the topic is there already, or there
-    are too few or too many rows.
+    Raises as `bag_batches`; `FileAccessError` for an output that is the input, is there as a folder, or cannot be
+    written; `FileFormatError` for one of another kind; `InputError` for a topic that is there, and too few or too many
+    rows.
     """
     path_in, path_out = Path(path_in), Path(path_out)
     if identity(path_in) == identity(path_out):
@@ -156,9 +155,7 @@ def _copy_mcaps(bag: Bag, path_out: Path, topic: Topic, name: str, copied: Copie
 
 
 def _copy_mcap(mcap: Mcap, path_out: Path, records: Iterator[Record], topic: Topic, name: str) -> Counter[str]:
-    """Write a file's records into a new one with the same schemas, channels, attachments and metadata; how many each
-    topic has.
-    """
+    """Write a file's records into a new one, as they are; how many messages each topic has."""
     from mcap.records import Attachment, Metadata
     from mcap.writer import CompressionType, Writer
 
@@ -257,9 +254,7 @@ def _write_metadata(bag: Bag, path_out: Path, source: Topic, name: str, counts: 
 
 
 def _definition(bag: Bag, connection: Connection) -> dict[str, Any]:
-    """The definition and its hash: as they are, computed where the hash is not written, those of ROS where there is no
-    definition, and else those of a type without fields.
-    """
+    """The definition and its hash: as they are, or computed; else those of ROS, or of a type without fields."""
     from rosbags.typesys import Stores, get_typestore
 
     text, digest, msgtype = connection.definition, connection.digest, connection.topic.type

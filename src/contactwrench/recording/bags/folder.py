@@ -14,8 +14,7 @@ from typing import Any
 from ...errors import FileFormatError
 from ...files import entries
 from ...statistics import counted
-from .chunks import ZSTD, Logged, Source
-from .damage import Damage
+from .chunks import ZSTD, Damage, Logged, Source
 from .message_layout import joined, written
 
 METADATA = "metadata.yaml"
@@ -126,9 +125,7 @@ def bags_in(folder: Path) -> list[Path]:
 
 
 def left_in(folder: Path, damage: Damage) -> list[Path]:
-    """The files of a folder that nothing describes, as its recorder was killed. Raises `FileFormatError` unless damage
-    is accepted, and for files of two kinds.
-    """
+    """The files of a folder that nothing describes, as its recorder was killed: damage. They must be of one kind."""
     files = bags_in(folder)
     if len({file.suffix for file in files}) > 1:
         raise FileFormatError(f"{folder}: found .mcap and .db3 files and no {METADATA}, expected one bag: name a file")

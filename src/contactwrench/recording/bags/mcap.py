@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chunked_file import Chunk, ChunkedFile, UnreadableError
-from .chunks import LOG, Connection, Logged, Topic
-from .damage import Damage
+from .chunks import LOG, Connection, Damage, Logged, Topic
 from .message_layout import Raw
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -81,9 +80,8 @@ class Mcap(ChunkedFile):
         return start
 
     def _written(self) -> int:
-        """Where that ends which a live session had written when it was killed, as the file does there or goes on with
-        a 0, which would have been replaced by a chunk's code once that was whole; 0 for any other: nobody knows what
-        it lacks.
+        """Where that ends which a live session had written when it was killed: at the end, or where a 0 stands in place
+        of the code of a chunk that was not whole. 0 for any other file: nobody knows what it lacks.
         """
         place, code, last = len(MAGIC), HEADER, 0
         if LIVE not in self._bytes(place, RECORD.size + 2 * len(LIVE)):

@@ -1,8 +1,7 @@
 """Where the numbers of a ROS message lie, found once for many messages: a block of them is then read by numpy.
 
-Messages of a topic differ in their numbers and hardly ever in their texts and lengths. A layout says where each number
-of one message is, and which bytes (the texts, and how long each text and sequence is) another message must share for
-its numbers to be at the same places. Decoding message by message costs twenty times as much (benchmarks/bags.py).
+A layout says where each number of a message is, and which bytes (texts and lengths) another must share for its numbers
+to be at the same places. Decoding message by message costs twenty times as much (benchmarks/bags.py).
 
 ROS 2 writes plain CDR (OMG, Common Object Request Broker Architecture, part 2, 9.3: every number at a multiple of its
 own size, counted from behind the four bytes that state the byte order); ROS 1 the same without gaps, little endian.
@@ -101,9 +100,7 @@ def joined(payloads: list[bytes]) -> Raw:
 def alike(
     raw: Raw, layout_of: Callable[[bytes], MessageLayout], left_out: Callable[[int, InputError], None]
 ) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
-    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one. One of which it raises
-    `InputError` is left out, which is told.
-    """
+    """The rows of `raw` by layout, which `layout_of` finds; one of which it raises `InputError` is `left_out`."""
     compared = 0
     for length in dict.fromkeys(raw.length.tolist()):
         rows = np.flatnonzero(raw.length == length)

@@ -1,10 +1,8 @@
 """What messages of a bag say: stamps, wrenches, poses, transforms and joint angles, many at once.
 
-A message's time is the stamp in its header; where it has no header, or a stamp of zero, or one that cannot be and is
-accepted, the time at which it was put into the bag.
-
-A driver is free to order an arm's joints as it likes (those of Universal Robots come by the alphabet, the elbow first)
-and to report a gripper's with them, so names decide: those of the URDF; of a known arm, those that its drivers use.
+A message's time is the stamp in its header; without one, or where that is zero, or cannot be and is accepted, the time
+at which it was put into the bag. A driver may order an arm's joints as it likes, and report a gripper's with them, so
+names decide: those of the URDF; of a known arm, those that its drivers use.
 """
 
 from __future__ import annotations
@@ -118,9 +116,7 @@ def stamps(
 
 
 def _of_header(bag: Bag, topic: Topic, sec: Array, ns: Array, of_bag: Array) -> Array:
-    """The times (k,) s that headers state in two numbers; those of the bag where both are zero, unless the others are
-    of a clock that began at 0, as simulated ones do.
-    """
+    """The times (k,) s that headers state; those of the bag where they are zero, unless others' clock began at 0."""
     impossible = (sec < 0.0) | (ns < 0.0) | (ns >= 1e9)
     if impossible.any():
         row = int(np.argmax(impossible))
@@ -140,9 +136,7 @@ def _of_header(bag: Bag, topic: Topic, sec: Array, ns: Array, of_bag: Array) -> 
 
 
 def header_stamps(bag: Bag, topic: Topic, logged: Logged) -> Array:
-    """The times (n,) s of messages that begin with a header, whatever follows: the stamp is at bytes 4 to 12, in ROS 1
-    behind the header's number, in CDR behind the bytes that state the order.
-    """
+    """The times (n,) s of messages that begin with a header, whatever follows: its stamp is at bytes 4 to 12."""
     t, cdr = seconds(logged.stamp), not bag.ros1
     whole = np.flatnonzero(logged.raw.length >= STAMP_ENDS)
     sec_kind = "i4" if cdr else "u4"  # ROS 2 counts seconds with a sign
@@ -156,10 +150,7 @@ def header_stamps(bag: Bag, topic: Topic, logged: Logged) -> Array:
 def numbers(
     bag: Bag, topic: Topic, logged: Logged, paths: tuple[str, ...]
 ) -> tuple[Array, Array, list[tuple[NDArray[np.intp], dict[str, str]]]]:
-    """Times (n,) s, the numbers at `paths` (n, k), and by rows the texts that go with them, of messages `by_layout`.
-
-    Raises `FileFormatError` where the type has no such number.
-    """
+    """Times (n,) s, the numbers at `paths` (n, k), and by rows their texts. Raises `FileFormatError` as `by_layout`."""
     t, values, texts = np.full(len(logged), np.nan), np.empty((len(logged), len(paths))), []
     for rows, layout, raw in by_layout(bag, topic, logged):
         missing = [path for path in paths if path not in layout.numbers]
@@ -176,9 +167,7 @@ def numbers(
 
 
 def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
-    """Times (n,) s and wrenches (n, 6) N and N m, as they are written. Raises `FileFormatError` for those of two
-    sensors, frames in turn.
-    """
+    """Times (n,) s and wrenches (n, 6) N and N m, as written. Raises `FileFormatError` for two sensors in turn."""
     t, values, texts = numbers(bag, topic, logged, tuple(WRENCHES[topic.type] + path for path in FORCE_TORQUE))
     frames = [_frame(text.get("header.frame_id", "")) or "no frame" for _, text in texts]
     if frames and (two := two_of(bag, topic, "readings", frames)):
@@ -201,9 +190,7 @@ def accelerations(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]
 
 
 def poses(bag: Bag, topic: Topic, logged: Logged) -> tuple[Placements, list[Link]]:
-    """The poses of a topic of one of the types `POSES`, and which frames they are of: parent and child, empty where the
-    messages name none.
-    """
+    """The poses of a topic of `POSES`, and of which frames: parent and child, empty where the messages name none."""
     orientation, position = POSES[topic.type]
     paths = (*(f"{position}.{part}" for part in XYZ), *(f"{orientation}.{part}" for part in XYZW))
     t, values, texts = numbers(bag, topic, logged, paths)

@@ -1,7 +1,4 @@
-"""ROS bags opened, with no ROS: `.bag`, `.mcap`, `.db3`, and the folder that ROS 2 writes.
-
-Whatever a damaged file makes the readers stumble over becomes one line that names the file.
-"""
+"""ROS bags opened, with no ROS: `.bag`, `.mcap`, `.db3`, and the folder that ROS 2 writes. All errors are one line."""
 
 from __future__ import annotations
 
@@ -20,8 +17,7 @@ from numpy.typing import NDArray
 from ...errors import ContactWrenchError, FileAccessError, FileFormatError, of_extra
 from ...files import entries, open_bytes
 from ...geometry.arrays import Array
-from .chunks import Connection, Logged, Source, Topic
-from .damage import Damage
+from .chunks import Connection, Damage, Logged, Source, Topic
 from .folder import METADATA, PackedMessages, bags_in, files_of, hold, left_in, metadata, unpacked
 from .mcap import Mcap
 from .message_layout import Fields, types_defined, typestore, written
@@ -113,9 +109,8 @@ def kind_of(path: str | Path) -> str:
 
 @contextmanager
 def opened_bag(path: str | Path, *, accept_damaged: bool = False) -> Iterator[Bag]:
-    """An open bag (`.bag`, `.mcap` or `.db3`, or a ROS 2 folder), closed at the end; with `accept_damaged` what is
-    damaged is left out and noted in `Bag.damage`. Raises `FileAccessError`, `MissingExtraError` without rosbags or
-    mcap, and `FileFormatError` for what is no bag, or one that is cut off or damaged.
+    """An open bag, closed at the end; damage is noted in `Bag.damage`. Raises `FileAccessError`, `MissingExtraError`,
+    and `FileFormatError` for what is no bag, or one that is cut off or damaged and not accepted.
     """
     path = Path(path)
     kind = kind_of(path)
@@ -137,9 +132,7 @@ def require_rosbags() -> None:
 
 
 def messages(bag: Bag, topics: Iterable[Topic]) -> Iterator[Messages]:
-    """The messages of topics, some at a time: none is earlier, by the bag's own stamps, than those yielded before.
-    Raises `FileFormatError` where the file is cut off or damaged.
-    """
+    """The messages of topics, some at a time, none earlier by the bag's stamps than those before. Raises for damage."""
     wanted = set(topics)
     for source in bag.sources:
         chosen = {number: each.topic for number, each in source.connections.items() if each.topic in wanted}

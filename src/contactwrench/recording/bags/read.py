@@ -33,15 +33,13 @@ ReadPoses: TypeAlias = Callable[[Messages], OrientationStream]
 def bag_batches(
     path: str | Path, options: Options = AS_USUAL, batch: int = BATCH, advance: Advance = unheard
 ) -> Iterator[Streams]:
-    """The streams of a bag (`.bag`, `.mcap`, `.db3` or a ROS 2 folder) piece by piece, each reading and pose once, in
-    the order in which they were recorded; `batch` of them, and up to a chunk of the file more. Times are those of the
-    headers; of a message without one, or with a stamp of zero, the time at which it was recorded.
+    """The streams of a bag piece by piece, each reading and pose once, in the order in which they were recorded;
+    `batch` of them, and up to a chunk of the file more. Times are as in messages.py.
 
     The pose is from the only topic of poses or that named, `PoseStamped`, `TransformStamped` or `nav_msgs/Odometry`
-    (child in header frame), from the chain of tf between `frames` (transforms.py says at which times), or from the
-    `sensor_msgs/JointState` of a `robot`. Raises as `opened_bag`; `InputError` where `frames` and `robot` are both
-    asked for, the wrench is in base axes, or `batch` is below 1; `FileFormatError` for topics that are not there or not
-    one, frames that nothing connects, joints that are not the arm's, and quaternions that are none.
+    (child in header frame), from the chain of tf between `frames` (transforms.py), or from the `sensor_msgs/JointState`
+    of a `robot`. Raises as `opened_bag`, `pose_topics`, `chain` and `rotations`; `InputError` for a wrench in base
+    axes, and a `batch` below 1.
     """
     from ..urdf import arm_of
 
@@ -103,9 +101,7 @@ def _source_of_poses(
 
 
 def base_frame(bag: Bag, topics: tuple[Topic, ...], frames: tuple[str, str] | None, arm: Arm | None) -> str | None:
-    """The name of the frame in which the orientations from `topics` are: the first of `frames`, the base of `arm`, or
-    what the first message says; None where it says nothing.
-    """
+    """The frame in which the orientations are: of `frames`, `arm`, or the first message; None: not said."""
     if frames is not None:
         return frames[0].removeprefix("/")
     if arm is not None:

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chunked_file import Chunk, ChunkedFile, UnreadableError
-from .chunks import LOG, Connection, Logged, Topic
-from .damage import Damage
+from .chunks import LOG, Connection, Damage, Logged, Topic
 from .message_layout import Raw
 
 MAGIC = b"#ROSBAG V2.0\n"

@@ -1,9 +1,8 @@
 """The messages of a ROS 2 sqlite3 recording, by Python's sqlite3 alone.
 
-Only tables are read, and of these only columns that are stored: a view, a virtual table and a generated column run what
-the file's author wrote. The table of messages and its index of stamps are held against one another, so that a damaged
-page loses no row in silence. Work and sizes are bounded by the size of the file. Tables: ros2/rosbag2,
-rosbag2_storage_sqlite3; later versions have more columns, and a table of definitions.
+Only stored columns of tables are read: a view, a virtual table and a generated column run what the file's author wrote.
+The messages and their index of stamps are held against one another, so that a damaged page loses no row in silence.
+Work and sizes are bounded by the size of the file. Tables: ros2/rosbag2, rosbag2_storage_sqlite3.
 """
 
 from __future__ import annotations
@@ -21,8 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...errors import FileFormatError
-from .chunks import AT_ONCE, LOG, Connection, Logged, Topic
-from .damage import Damage
+from .chunks import AT_ONCE, LOG, Connection, Damage, Logged, Topic
 from .message_layout import joined
 
 SAFE = ("trusted_schema = OFF", "query_only = ON", "cell_size_check = ON")
@@ -69,11 +67,8 @@ _Row = TypeVar("_Row", _TopicRow, _DefinitionRow)
 
 
 class Sqlite:
-    """A `.db3`, a `Source`, open as long as `files`: the messages by the index of stamps, where there is one, and by
-    the table; what differs is damage.
-
-    Raises `FileFormatError` for damage that is not accepted and for a part in another file, and `ValueError`, `OSError`
-    or `sqlite3.Error` for what is no such file.
+    """A `.db3`, a `Source`, open as long as `files`: messages by the index of stamps, and by the table; what differs is
+    damage. Raises `FileFormatError` for that, and for a part in another file; else as sqlite3 for what is no such file.
     """
 
     def __init__(self, path: Path, files: ExitStack, damage: Damage) -> None:
@@ -162,9 +157,7 @@ class _Base:
             self.all(f"PRAGMA {pragma}")
 
     def blocks(self, query: str, at_once: int) -> Iterator[list[tuple[Any, ...]]]:
-        """What a query gives, so many rows at a time. Raises `ValueError` once it takes more work than a file of this
-        size explains.
-        """
+        """What a query gives, so many rows at a time. Raises `ValueError` for work that no file of its size needs."""
         steps, most = count(0, STEPS), STEPS_FREE + STEPS_PER_BYTE * self.size
         self._base.set_progress_handler(lambda: next(steps) > most, STEPS)
         try:

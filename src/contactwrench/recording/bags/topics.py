@@ -28,8 +28,7 @@ def acceleration_topic(bag: Bag, name: str) -> Topic:
 
 def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm: Arm | None) -> tuple[Topic, ...]:
     """The topic of that name, or the only one with poses: with `frames` all that hold transforms, with `arm` the joint
-    states, else one with poses. Raises `InputError` where `name`, `frames` and `arm` do not go together, and
-    `FileFormatError` naming the topics there are.
+    states. Raises `InputError` where these do not go together, and `FileFormatError` naming the topics there are.
     """
     if frames is not None and arm is not None:
         raise InputError(f"found {FRAMES_FLAG} and {ROBOT_FLAG}, expected one of them: the pose has one source")

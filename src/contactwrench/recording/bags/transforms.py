@@ -1,10 +1,9 @@
 """The pose of one frame in another from a tree of transforms (ROS' tf): the chain between them, composed.
 
-A transform that never changes in the recording, static or not, holds throughout. The others move. A pose of the chain
-is stated as soon as each of them has been heard anew, at the latest of their stamps; the others are interpolated there,
-rotations along the shortest turn and translations along the line (as tf2 does: REP 105 and tf2's documentation leave
-it open, its `BufferCore` interpolates so). So a gap in any moving transform is a gap of the chain, and nothing is
-carried on past the last stamp.
+A transform that never changes in the recording holds throughout. A pose is stated as soon as each of the others has
+been heard anew, at the latest of their stamps; the others are interpolated there, rotations along the shortest turn and
+translations along the line (as tf2's `BufferCore` does: REP 105 leaves it open). So a gap in any moving transform is a
+gap of the chain, and nothing is carried on past the last stamp.
 """
 
 from __future__ import annotations
@@ -33,9 +32,7 @@ SAME = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """What a recording says of one transform: how often it comes, whether it ever changes, the first of it, and whether
-    it was said to be static.
-    """
+    """A transform: how often it comes, whether it ever changes, the first of it, and whether it is said to stay."""
 
     count: int
     moves: bool
@@ -108,9 +105,7 @@ def chain(
 
 
 class ChainPoses:
-    """The poses of a chain as a recording goes on. It holds the transforms that later poses need, and the time of the
-    last pose.
-    """
+    """The poses of a chain as a recording goes on; it holds what later poses need, and the time of the last."""
 
     def __init__(self, bag: Bag, topics: Sequence[Topic], base: str, flange: str) -> None:
         self.bag, self.topics, self.until = bag, topics, -np.inf

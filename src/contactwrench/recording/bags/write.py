@@ -61,10 +61,8 @@ def write_streams_bag(path: str | Path, streams: Streams) -> None:
 
 @contextmanager
 def new_bag(path: Path, kind: str, *, mcap: bool, compression: str = "") -> Iterator[Any]:
-    """A writer by rosbags; at the end the bag is moved to `path`, after an error nothing is left.
-
-    `kind`: `.bag`, `.mcap` or `.db3`, a file, or nothing, a folder; `mcap`: what a folder holds, else sqlite3;
-    `compression`: bz2 or lz4 of a `.bag`, storage, message or file of ROS 2. Raises `FileAccessError`.
+    """A writer by rosbags; at the end the bag is moved to `path`, after an error nothing is left. `kind`: a suffix, or
+    nothing, a folder, of `mcap` or sqlite3; `compression`: bz2 or lz4 of a `.bag`, storage, message or file of ROS 2.
     """
     from rosbags import rosbag1, rosbag2
 
@@ -97,9 +95,8 @@ class _InUri(type(Path())):  # type: ignore[misc]
 
 
 def stamped(ros1: bool, frame: str, stamp: NDArray[np.int64], values: Array) -> list[bytes]:
-    """Messages of a header, with `stamp` (n,) ns, and `values` (n, k), float64, behind it: of a `WrenchStamped` force
-    and torque, of a `PoseStamped` position and quaternion xyzw. In ROS 1's way of writing; else in CDR, in which
-    float64 stand at multiples of 8 (message_layout.py).
+    """Messages of a header, with `stamp` (n,) ns, and float64 `values` (n, k) behind it: of a `WrenchStamped` force and
+    torque, of a `PoseStamped` position and quaternion xyzw. In ROS 1's way of writing, or in CDR (message_layout.py).
     """
     text = frame.encode() + b"\0" * (not ros1)
     head = (bytes(4) if ros1 else CDR) + bytes(8) + pack("<I", len(text)) + text

@@ -1,11 +1,9 @@
-"""What files that store their numbers column by column have in common: lists as columns, rows, and how much they may
-state.
-"""
+"""What files that store numbers column by column have in common: lists, rows, and how much they may state."""
 
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import ContactWrenchError, FileFormatError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .columns import Column, shown
+from .columns import Body, Column, shown
 
 MOST_ELEMENTS = 64
 """Longer lists are images, spectra and the like: they stand for no columns."""
@@ -41,9 +39,8 @@ def require_room(path: str | Path, count: int, what: str, each: int = 1) -> None
 
 
 def require_room_for_pages(path: Path, columns: Iterable[tuple[int, int]]) -> None:
-    """Raise `FileFormatError` where the pages of a Parquet file state more than a file of its size holds: whatever its
-    foot says, what they state is what they take when they are unpacked. `columns`: of each the byte at which its first
-    page begins, and the number of its values.
+    """Raise `FileFormatError` where the pages of a Parquet file, whatever its foot says, state more than a file of its
+    size holds. `columns`: of each the byte at which its first page begins, and the number of its values.
     """
     pages = unpacked = numbers = 0
     with open_bytes(path) as file, readable(str(path), "Parquet", NO_HEADER):
@@ -70,9 +67,7 @@ def _page(file: BinaryIO) -> tuple[int, int, bool]:
 
 
 def _thrift(file: BinaryIO) -> dict[int, Any]:
-    """The fields of a struct in Thrift's compact protocol by their numbers: numbers and structs, of which a page's
-    header is made; nothing of use for a text.
-    """
+    """The fields of a struct in Thrift's compact protocol by their numbers: those that a page's header is made of."""
     fields: dict[int, Any] = {}
     number = 0
     while head := file.read(1)[0]:
@@ -144,18 +139,8 @@ def readable(source: str, kind: str, errors: tuple[type[Exception], ...]) -> Ite
         ) from None
 
 
-class Batch(ABC):
-    """Rows of a file, by their numbers (n,) in it from 0. A `Body`."""
-
-    def __init__(self, rows: NDArray[np.intp], source: str, done: float) -> None:
-        self._rows, self.source, self.done = rows, source, done
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def row_of(self, index: int) -> int:
-        """The number of the index-th row in the file, from 1."""
-        return int(self._rows[index]) + 1
+class Batch(Body):
+    """Rows of a file whose columns are read one by one."""
 
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for a null or a NaN."""
@@ -165,10 +150,7 @@ class Batch(ABC):
         )
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
-        """The numbers (n, k) of the columns, as written; NaN where a column in `may_lack` has a null or a NaN.
-
-        Raises `FileFormatError` naming row and column of what is no finite number.
-        """
+        """As of `Body`, whose cells are empty where there is a null or a NaN."""
         values = np.empty((len(self), len(columns)))
         for k, column in enumerate(columns):
             values[:, k] = self.floats(column)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, takewhile
 from operator import itemgetter
-from typing import NoReturn, Protocol, TypeAlias
+from typing import NoReturn, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +37,7 @@ SATURATED = "saturated"
 """1 or true in the rows in which a channel of the sensor stood at its limit."""
 
 FLAW = "flaw"
-"""The last column of a recording of a live session: in words why a row has no reading, and what was read. So a row of
-it that was not finished, at the end of a file, can be told from one that somebody wrote so.
-"""
+"""The last column of a recording of a live session, in words: by it a last row that was not finished is known."""
 
 
 def unheard(_: object) -> None:
@@ -62,11 +61,6 @@ class Naming:
     hdf5: str | None = None
     episode: int | None = None
     rate: float | None = None
-
-    @property
-    def names_columns(self) -> bool:
-        """Whether any column of the wrench, the orientation or the times is stated."""
-        return bool(self.wrench_columns) or "," in (self.orientation or "")
 
 
 AS_NAMED = Naming()
@@ -96,29 +90,32 @@ class Column:
         return self.name.lower() == f"{self.role}{suffix}"
 
 
-class Body(Protocol):
-    """Rows of a table, all of them or a block."""
+class Body(ABC):
+    """Rows of a table, all or a block, by their numbers in the file `source`, as messages give them. `done`: the
+    part of the file, 0 to 1, that was read when these rows end; NaN where nobody knows its size.
+    """
 
-    source: str
-    """The file, as messages name it."""
-    done: float
-    """The part of the file, 0 to 1, that was read when these rows end; NaN where nobody knows its size."""
+    def __init__(self, rows: NDArray[np.intp], source: str, done: float) -> None:
+        self.rows, self.source, self.done = rows, source, done
 
     def __len__(self) -> int:
-        """Number of rows."""
+        return len(self.rows)
 
+    def row_of(self, index: int) -> int:
+        """The number of the index-th row."""
+        return int(self.rows[index])
+
+    @abstractmethod
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
-        """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty.
-
+        """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty or NaN.
         Raises `FileFormatError` naming row and column of what is no finite number.
         """
 
+    @abstractmethod
     def select(self, kept: NDArray[np.bool_]) -> Body:
         """Some of the rows, by a mask (n,)."""
 
-    def row_of(self, index: int) -> int:
-        """The number of the index-th row, as a message gives it."""
-
+    @abstractmethod
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for an empty cell."""
 
@@ -142,11 +139,9 @@ class OpenTable:
 
 @dataclass(frozen=True)
 class ColumnRoles:
-    """Which columns of a table are what; empty where it has none.
-
-    `convention` makes rotations of `orientation`; None: its numbers stay as they are. In a recording with times `t` a
-    row may lack its wrench or its orientation. `numbered`: where columns among them are told by their number alone, how
-    many the table has that can be: all that tells one such table from another.
+    """Which columns of a table are what; empty where it has none. `convention` makes rotations of `orientation`; None:
+    its numbers stay as they are. `numbered`: where columns are told by their number alone, how many of such the table
+    has, all that tells it from another.
     """
 
     wrench: tuple[Column, ...]
@@ -170,9 +165,7 @@ class ColumnRoles:
 
     @property
     def understood(self) -> str:
-        """Which column was taken for what, as `fx..fz from "Force X (N)".."Force Z (N)", t from "Time" in ms`; empty
-        where all bear the usual names.
-        """
+        """Which column was taken for what, as `fx..fz from "Force X (N)".."Force Z (N)"`; of usual names nothing."""
         parts = []
         for columns in (self.wrench, self.orientation, self.t, self.position, self.load, self.saturated):
             if not all(column.is_usual for column in columns):

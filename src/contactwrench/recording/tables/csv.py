@@ -9,7 +9,6 @@ from __future__ import annotations
 from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import NoReturn
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError
 from ...files import blocks_of_lines, name_of
 from ...geometry.arrays import Array
-from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Column, Naming, OpenTable, places_of, shown
+from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Body, Column, Naming, OpenTable, places_of, shown
 from .layout import Layout, is_row, layout_of, refuse_units_above
 from .text_cells import PERHAPS_DOTTED, cells, no_number, of_unknown_code, split, value
 
@@ -64,7 +63,7 @@ def open_csv(path: str | Path, rows: int, naming: Naming = AS_NAMED) -> OpenTabl
         said = f"found no row in {len(lines)} lines" if len(lines) > LONGEST_HEAD else said
         raise FileFormatError(f"{source}: {said}, expected a header line and rows of numbers")
     header_row, layout = found
-    if layout.unnamed and not naming.names_columns:
+    if layout.unnamed and not naming.wrench_columns and "," not in (naming.orientation or ""):
         raise FileFormatError(
             f"{source}: row {layout.unnamed}: found numbers, expected a header with the columns' names: write one, or "
             f"tell the {len(layout.names)} columns by number, as --wrench-columns 1,2,3,4,5,6 --orientation "
@@ -72,32 +71,28 @@ def open_csv(path: str | Path, rows: int, naming: Naming = AS_NAMED) -> OpenTabl
         )
     if layout.unnamed and naming.units is None:
         refuse_units_above(lines, layout.unnamed, source)
-    whole = _without_unfinished_row(chain(first, blocks), layout)
-    bodies = (_below(header_row, *block, layout, source) for block in whole)
-    return OpenTable(source, places_of(layout.names, source), partial(_with_rows, bodies))
+    bodies = _bodies(chain(first, blocks), header_row, layout, source)
+    return OpenTable(source, places_of(layout.names, source), lambda _: bodies)
 
 
-def _below(header_row: int, first_row: int, text: str, done: float, layout: Layout, source: str) -> Lines:
-    """The rows of a block of lines that are below the header."""
-    every = text.split("\n")
-    rows = [row for row, line in enumerate(every, start=first_row) if row > header_row and is_row(line)]
-    lines = [every[row - first_row] for row in rows]
-    if layout.separator == " ":
-        lines, layout = ["\t".join(line.split()) for line in lines], replace(layout, separator="\t")
-    return Lines(lines, rows, done, layout, source)
-
-
-def _without_unfinished_row(
-    blocks: Iterator[tuple[int, str, float]], layout: Layout
-) -> Iterator[tuple[int, str, float]]:
-    """The blocks; of a live session that was ended from outside, less the row that it was writing (doubts.py tells)."""
-    block = next(blocks)
-    for following in blocks:
-        yield block
-        block = following
-    before, _, last = block[1].rpartition("\n")
-    unfinished = layout.names[-1] == FLAW and last.count(layout.separator) < len(layout.names) - 1
-    yield (block[0], before, block[2]) if unfinished else block
+def _bodies(blocks: Iterator[tuple[int, str, float]], header_row: int, layout: Layout, source: str) -> Iterator[Lines]:
+    """The blocks of lines below the header that have rows, or one without any; of a live session that was ended from
+    outside, less the row that it was writing (doubts.py tells).
+    """
+    any_rows, apart = False, replace(layout, separator="\t") if layout.separator == " " else layout
+    following = next(blocks, None)
+    while following is not None:
+        (first_row, text, done), following = following, next(blocks, None)
+        every = text.split("\n")
+        if not following and layout.names[-1] == FLAW and every[-1].count(layout.separator) < len(layout.names) - 1:
+            every.pop()
+        rows = [row for row, line in enumerate(every, start=first_row) if row > header_row and is_row(line)]
+        lines = [every[row - first_row] for row in rows]
+        if layout.separator == " ":
+            lines = ["\t".join(line.split()) for line in lines]
+        any_rows = any_rows or bool(rows)
+        if rows or not (any_rows or following):
+            yield Lines(lines, np.array(rows, dtype=np.intp), done, apart, source)
 
 
 def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[int, str, float]]:
@@ -126,47 +121,25 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
         row += text.count("\n")
 
 
-def _with_rows(blocks: Iterator[Lines], columns: Collection[Column]) -> Iterator[Lines]:
-    """The blocks that have rows, or one without any, whatever the columns are of which numbers will be asked for."""
-    any_rows = False
-    for block in blocks:
-        if len(block):
-            any_rows = True
-            yield block
-    if not any_rows:
-        yield block
+class Lines(Body):
+    """Rows of a text file, by the lines that hold them and the numbers of these."""
 
-
-class Lines:
-    """Rows of a text file, by the lines that hold them and the numbers of these. A `Body`."""
-
-    def __init__(self, lines: list[str], rows: list[int], done: float, layout: Layout, source: str) -> None:
-        self._lines, self._rows, self._layout = lines, rows, layout
-        self.source, self.done = source, done
-
-    def __len__(self) -> int:
-        return len(self._lines)
+    def __init__(self, lines: list[str], rows: NDArray[np.intp], done: float, layout: Layout, source: str) -> None:
+        super().__init__(rows, source, done)
+        self._lines, self._layout = lines, layout
 
     def select(self, kept: NDArray[np.bool_]) -> Lines:
         """Some of the rows, by a mask (n,)."""
-        places = np.flatnonzero(kept).tolist()
-        lines, rows = [self._lines[k] for k in places], [self._rows[k] for k in places]
-        return Lines(lines, rows, self.done, self._layout, self.source)
-
-    def row_of(self, index: int) -> int:
-        """The number of the line of the index-th row."""
-        return self._rows[index]
+        lines = [self._lines[k] for k in np.flatnonzero(kept).tolist()]
+        return Lines(lines, self.rows[kept], self.done, self._layout, self.source)
 
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for a cell that is empty, or NaN."""
-        row = self._rows[index]
+        row = self.row_of(index)
         raise self._lack(cells(self._lines[index], self._layout.separator, row, self.source)[column.place], column, row)
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
-        """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty or NaN.
-
-        Raises `FileFormatError` naming row and column of what is no finite number.
-        """
+        """As of `Body`."""
         if not self._lines:
             raise FileFormatError(
                 f"{self.source}: found a header and no rows, expected a row for each reading: add them"
@@ -180,13 +153,13 @@ class Lines:
                 if _may_be_thousands(values[:, [column in of_wrench for column in columns]]):
                     self._refuse_thousands(of_wrench)
                 return values
-        rows = zip(self._rows, self._lines, strict=True)
+        rows = zip(self.rows.tolist(), self._lines, strict=True)
         return np.array([self._row(row, line, columns, may_lack) for row, line in rows], dtype=np.float64)
 
     def _refuse_thousands(self, columns: Sequence[Column]) -> None:
         """Raise `FileFormatError` where every number with a decimal mark has three decimals, as thousands have."""
         mark = self._layout.decimal
-        rows = zip(self._rows, self._lines, strict=True)
+        rows = zip(self.rows.tolist(), self._lines, strict=True)
         of_each = [(row, cells(line, self._layout.separator, row, self.source)) for row, line in rows]
         found = [(row, column, of_row[column.place]) for row, of_row in of_each for column in columns]
         marked = [(row, column, cell) for row, column, cell in found if mark in cell]

@@ -21,9 +21,7 @@ from .table import open_table
 from .units import ANGLE
 
 HALF_A_TURN = 3.15
-"""A bit more than pi: angles in degrees go beyond it wherever an arm turns enough to calibrate, those in radians do
-not.
-"""
+"""A bit more than pi: angles in degrees go beyond it wherever an arm turns enough to calibrate."""
 
 LEAST_TURN = 0.3
 """By how much some angle differs from row to row, in radians that poses tell anything, in degrees not."""
@@ -41,9 +39,8 @@ def turns_little(R_base_flange: Array) -> bool:
 
 
 def angles_in_doubt(path: str | Path, naming: Naming) -> str:
-    """What to say of the angles of the table that holds the orientation if none of them, read in degrees, goes beyond
-    half a turn of radians; empty where file or options state the unit. Where the orientations turn more than a little
-    there is nothing to say (see `turns_little`).
+    """What to say of angles, not known to turn more than a little (see `turns_little`), if none of them, read in
+    degrees, goes beyond half a turn of radians; empty where file or options state the unit.
     """
     table = open_table(path, naming)
     convention, columns = orientation_columns(table, naming)

@@ -1,4 +1,4 @@
-"""Sets of recordings in one table, as robot learning has them: a column says which episode a row is of.
+"""One recording of a table: of a set, as robot learning has them, an episode; and times for rows that have none.
 
 A data set of LeRobot, version 2 or 3, is a folder: `meta/info.json`, and an episode a file or many of them in
 `data/chunk-*/*.parquet` (huggingface/lerobot, docs/source/lerobot-dataset-v3.mdx; the paths of version 2 are in
@@ -7,19 +7,22 @@ src/lerobot/datasets/v30/convert_dataset_v21_to_v30.py).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...errors import FileFormatError
+from ...errors import FileFormatError, InputError
 from ...files import read_bytes
 from ...geometry.arrays import Array
 from ...geometry.ranges import EPISODE as EPISODES
 from .batch import readable
-from .columns import Body, Column, OpenTable, listed
+from .columns import Body, Column, Naming, OpenTable, counted_times, listed, taken_for
+from .roles import time_columns
 
 EPISODE = "episode_index"
 LEROBOT = Path("meta") / "info.json"
@@ -46,8 +49,7 @@ def episodes_of(body: Body, column: Column) -> Array:
 
 def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
     """The rows of one recording, of a set those of an `episode`, or of the only one: each has its own time, bias and
-    contacts. Raises `FileFormatError` for an episode that is stated and not there; when read, also for several and none
-    stated.
+    contacts. Raises `FileFormatError` for one that is not there; when read, also for several and none stated.
     """
     column = episode_column(table)
     if column is None:
@@ -78,9 +80,7 @@ def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
 
 
 def episodes_in(table: OpenTable) -> list[int]:
-    """The episodes of a set, in the order of their rows. Raises `FileFormatError` for a table that is none, and where
-    rows of one are apart.
-    """
+    """The episodes of a set, in the order of their rows. Raises `FileFormatError` where rows of one are apart."""
     column = episode_column(table)
     if column is None:
         raise FileFormatError(
@@ -114,9 +114,7 @@ def _named(episodes: set[float]) -> str:
 
 
 def names_of_elements(folder: Path) -> dict[str, tuple[str, ...]]:
-    """What LeRobot calls the elements of each list in a set, by the list's name; of a folder that is none, nothing.
-    Raises `FileFormatError`.
-    """
+    """What LeRobot calls the elements of each list in a set, by the list's name; of another folder nothing."""
     if not (folder / LEROBOT).is_file():
         return {}
     import msgspec
@@ -135,3 +133,41 @@ def _in_order(names: Any) -> tuple[Any, ...]:
     if isinstance(names, dict) and all(isinstance(part, list) for part in names.values()):
         return tuple(chain.from_iterable(names.values()))
     return tuple(names) if isinstance(names, list) else ()
+
+
+def at_rate(table: OpenTable, naming: Naming, rate: float) -> OpenTable:
+    """A recording with a column of times, s, 0 in the first row. Raises `InputError` where it has times of its own."""
+    if own := time_columns(table, replace(naming, rate=None)):
+        raise InputError(
+            f"{table.source}: found the times {taken_for(own)}, and --rate {rate:g}, expected one of them: leave out "
+            "--rate, or the times with --time-column none"
+        )
+    place = max(table.places.values(), default=-1) + 1
+
+    def bodies(columns: Collection[Column]) -> Iterator[Body]:
+        begin = 0
+        for body in table.bodies([column for column in columns if column.place != place]):
+            yield _Counted(body, np.arange(begin, begin + len(body)) / rate, place)
+            begin += len(body)
+
+    return OpenTable(table.source, {**table.places, counted_times(rate): place}, bodies)
+
+
+class _Counted(Body):
+    """Rows with times `t` (n,) in a column of its own."""
+
+    def __init__(self, body: Body, t: Array, place: int) -> None:
+        super().__init__(body.rows, body.source, body.done)
+        self.body, self.t, self.place = body, t, place
+
+    def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
+        of_file = np.array([column.place != self.place for column in columns], dtype=bool)
+        values = np.repeat(self.t[:, None], len(columns), axis=1)
+        values[:, of_file] = self.body.numbers([column for column in columns if column.place != self.place], may_lack)
+        return values
+
+    def select(self, kept: NDArray[np.bool_]) -> _Counted:
+        return _Counted(self.body.select(kept), self.t[kept], self.place)
+
+    def refuse_lack(self, index: int, column: Column) -> NoReturn:
+        self.body.refuse_lack(index, column)

@@ -1,8 +1,7 @@
 """Named columns of numbers in HDF5 files: datasets of as many rows, a block of rows at a time, by h5py.
 
-Which columns they stand for is for hdf5_columns.py. Groups `demo_0`, `demo_1` and so on hold an episode each and the
-same datasets, as robomimic has them (ARISE-Initiative/robomimic, docs/datasets/overview.md): together they are one set,
-with a column of the episode; rows are counted within each.
+Groups `demo_0`, `demo_1` and so on hold an episode each and the same datasets, as robomimic has them
+(ARISE-Initiative/robomimic, docs/datasets/overview.md): together one set; rows are counted within each.
 """
 
 from __future__ import annotations
@@ -27,8 +26,7 @@ from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, ROOM, Batch, Field, readable, require_room
 from .columns import Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE
-from .hdf5_columns import bytes_at_once, dataset_at, datasets_stated, fields_found, fields_of_roles, width_of
-from .matlab import OLD
+from .hdf5_columns import OLD, bytes_at_once, dataset_at, datasets_stated, fields_found, fields_of_roles, width_of
 
 SUFFIXES = (".h5", ".hdf5", ".mat")
 DEEPEST = 32
@@ -52,9 +50,8 @@ def is_hdf5(path: str | Path) -> bool:
 
 
 def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
-    """An HDF5 file, at most `rows` rows at a time; of a set the episode that is stated, where it has that, else all of
-    them. Raises `FileAccessError`, `FileFormatError`, `InputError` for an `hdf5` that names no datasets, and
-    `MissingExtraError`.
+    """An HDF5 file; of a set the episode that is stated, where it has that, else all. Raises `FileAccessError`,
+    `FileFormatError`, `InputError` for an `hdf5` that names no datasets, and `MissingExtraError`.
     """
     source = str(path)
     with _opened(path) as file, _readable(source):
@@ -79,8 +76,8 @@ def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
                 datasets = _datasets(file[group.path], group, asked, source)
                 length = min(map(len, datasets.values())) if datasets else _longest(file[group.path], source)
                 for start in range(0, length, rows):
-                    block = np.arange(start, min(start + rows, length))
-                    done = (k + (block[-1] + 1) / length) / len(groups)
+                    block = np.arange(start, min(start + rows, length)) + 1
+                    done = (k + block[-1] / length) / len(groups)
                     yield Datasets(datasets, group, fields, block, source, done)
 
     return OpenTable(source, places_of((field.name for field in fields), source), bodies)
@@ -104,48 +101,43 @@ class Datasets(Batch):
 
     def select(self, kept: NDArray[np.bool_]) -> Datasets:
         """Some of the rows, by a mask (n,)."""
-        return Datasets(self._datasets, self._which, self._fields, self._rows[kept], self.source, self.done)
+        return Datasets(self._datasets, self._which, self._fields, self.rows[kept], self.source, self.done)
 
     def floats(self, column: Column) -> Array:
         """The numbers (n,) of a column. Raises `FileFormatError` where they cannot be read."""
         field = self._fields[column.place]
         if not field.path:
             return np.full(len(self), float(self._which.episode or 0))
-        name, first = field.path[0], int(self._rows[0])
+        name, first = field.path[0], int(self.rows[0])
         if name not in self._read:
             with _readable(self.source):
-                block = np.asarray(self._datasets[name][first : int(self._rows[-1]) + 1], dtype=np.float64)
-            self._read[name] = block.reshape(len(block), -1)[self._rows - first]
+                block = np.asarray(self._datasets[name][first - 1 : int(self.rows[-1])], dtype=np.float64)
+            self._read[name] = block.reshape(len(block), -1)[self.rows - first]
         return self._read[name][:, field.element or 0]
 
 
 @lru_cache(4)
 def _groups_of(path: str, changed: int) -> tuple[_Group, ...]:
-    """The episodes of a set in the order of their numbers, or the whole file; which is looked through once, and not for
-    each episode, while it is as it was when it `changed` last.
-    """
-    with _opened(path) as file, _readable(path):
-        return tuple(_groups(file, path))
-
-
-def _groups(file: Any, source: str) -> list[_Group]:
+    """The episodes of a set in order, or the whole file; looked through once while it is as it `changed` last."""
     names: list[str] = []
 
     def too_deep(name: str) -> bool | None:
         names.append(name)
         return name.count("/") > DEEPEST or None
 
-    if file.visit(too_deep):
-        raise FileFormatError(f"{source}: found over {DEEPEST} groups in each other, expected fewer: export it anew")
-    found = [(match[1], int(match[2]), name) for name in names if (match := EPISODES.fullmatch(name))]
-    outer = [(parent, number, name) for parent, number, name in found if not EPISODES.fullmatch(parent.rstrip("/"))]
-    groups = [each for each in outer if hasattr(file[each[2]], "visititems")]
+    with _opened(path) as file, _readable(path):
+        if file.visit(too_deep):
+            raise FileFormatError(f"{path}: found over {DEEPEST} groups in each other, expected fewer: export it anew")
+        found = [(match[1], int(match[2]), name) for name in names if (match := EPISODES.fullmatch(name))]
+        outer = [each for each in found if not EPISODES.fullmatch(each[0].rstrip("/"))]
+        groups = [each for each in outer if hasattr(file[each[2]], "visititems")]
     if len({parent for parent, _, _ in groups}) > 1 or len({number for _, number, _ in groups}) < len(groups):
         raise FileFormatError(
-            f"{source}: found the groups {shown(groups[0][2])} and {shown(groups[-1][2])}, expected the episodes of "
+            f"{path}: found the groups {shown(groups[0][2])} and {shown(groups[-1][2])}, expected the episodes of "
             "one set, each with its number: name the datasets with --hdf5"
         )
-    return [_Group(name, number) for _, number, name in sorted(groups, key=itemgetter(1))] or [_Group("/", None)]
+    episodes = (_Group(name, number) for _, number, name in sorted(groups, key=itemgetter(1)))
+    return tuple(episodes) or (_Group("/", None),)
 
 
 def _longest(group: Any, source: str) -> int:

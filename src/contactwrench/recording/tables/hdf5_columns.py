@@ -1,7 +1,9 @@
 """Which columns the datasets of an HDF5 file stand for: by their own names, or as `--hdf5` says.
 
 A dataset (n,) is a column, one of (n, k) stands for columns `path[0]` to `path[k-1]`, and so does one of 3 x 3
-matrices, row by row. An attribute `units` belongs to the name, as if it stood there in brackets.
+matrices, row by row. An attribute `units` belongs to the name, as if it stood there in brackets. MATLAB (MAT-files of
+version 7.3) has all dimensions the other way round: its W(n, 6) is a dataset (6, n), its R(3, 3, n) one (n, 3, 3) of
+transposed rotations.
 """
 
 from __future__ import annotations
@@ -13,12 +15,12 @@ from typing import Any, TypeGuard
 from zlib import decompressobj
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import CONVENTIONS, convention
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, ROOM, Field, require_room
 from .columns import POSITION, WRENCH_COLUMNS, shown
-from .matlab import OfMatlab, holds_none, is_of_matlab
 
 GZIP, SHUFFLE, CHECKSUM, LZF = 1, 2, 3, 32000
 BOUNDED: tuple[list[int], ...] = ([], [SHUFFLE], [GZIP], [LZF], [SHUFFLE, GZIP], [SHUFFLE, LZF])
@@ -28,6 +30,15 @@ PACKED = {"scale_factor": 1.0, "add_offset": 0.0}
 UNITS = ("units", "unit", "units_of_measure", "unit_of_measure", "unit_of_measurement", "physical_unit")
 MOST_BY_GZIP = 1032
 """Bytes that one byte can become (zlib's technical details)."""
+OLD = b"MATLAB 5.0"
+"""How a MAT-file before version 7.3 begins."""
+CLASSES = {
+    b"double",
+    b"single",
+    b"logical",
+    *(f"{sign}int{size}".encode() for sign in ("", "u") for size in (8, 16, 32, 64)),
+}
+"""Of numbers. Those of letters, cells and tables are numbers too that stand for something else."""
 
 
 def fields_found(group: Any) -> list[Field]:
@@ -56,9 +67,8 @@ def datasets_stated(text: str) -> dict[str, str]:
 
 
 def fields_of_roles(group: Any, stated: dict[str, str], orientation: str | None, source: str) -> list[Field]:
-    """The columns of the datasets that were `stated` (see `datasets_stated`), of a file or an episode of a set; without
-    poses where the `orientation` is None. Raises `FileFormatError` for a dataset that is not there, and for one of
-    another shape.
+    """The columns of the datasets that were `stated` (see `datasets_stated`); without poses where the `orientation` is
+    None. Raises `FileFormatError` for a dataset that is not there, and for one of another shape.
     """
     fields: list[Field] = []
     for role, path in stated.items():
@@ -79,9 +89,8 @@ def fields_of_roles(group: Any, stated: dict[str, str], orientation: str | None,
 
 
 def dataset_at(group: Any, path: str, source: str) -> Any:
-    """The dataset of numbers under a path; None where there is none.
-
-    Raises `FileFormatError` for one whose rows are elsewhere, were not all written, or are more than the file can hold.
+    """The dataset of numbers under a path; None where there is none. Raises `FileFormatError` for one whose rows are
+    elsewhere, were not all written, or are more than the file can hold.
     """
     where = f"{source}: dataset {shown(path)}"
     for end in re.finditer("/|$", path):
@@ -168,9 +177,7 @@ def _with_units(dataset: Any, path: str, names: dict[int, str]) -> Iterator[Fiel
 
 
 def _units(dataset: Any) -> list[str]:
-    """What an attribute `units`, `Unit`, `unit_of_measure` says: for all columns alike, for each, or for force and
-    torque.
-    """
+    """What an attribute as `units` or `Unit` says: for all columns alike, for each, or for force and torque."""
     name = next((name for known in UNITS for name in dataset.attrs if name.lower() == known), "")
     if not name or prod(dataset.attrs.get_id(name).shape) > MOST_ELEMENTS:  # that many are no units
         return [""]
@@ -180,9 +187,7 @@ def _units(dataset: Any) -> list[str]:
 
 
 def _of_pose(dataset: Any, path: str, orientation: str, source: str) -> dict[int, str]:
-    """The columns of poses by their elements: three of the position first, where there are three more than the
-    orientation has. Raises `FileFormatError` for what the numbers do not tell.
-    """
+    """The columns of poses by their elements: of three more than the orientation has, the position's first."""
     width = width_of(dataset)
     if orientation == "auto" and width == 16:
         return _of_transforms(dataset, path, source)
@@ -217,3 +222,38 @@ def _wrong_shape(dataset: Any, path: str, expected: str, source: str) -> FileFor
     return FileFormatError(
         f"{source}: dataset {shown(path)}: found shape {dataset.shape}, expected {expected}: name another with --hdf5"
     )
+
+
+def is_of_matlab(item: Any) -> bool:
+    """Whether MATLAB wrote a dataset."""
+    return "MATLAB_class" in getattr(item, "attrs", ())
+
+
+def holds_none(item: Any) -> bool:
+    """Whether the numbers of a dataset of MATLAB stand for something else, as the size of an empty array does."""
+    return is_of_matlab(item) and ("MATLAB_empty" in item.attrs or item.attrs["MATLAB_class"] not in CLASSES)
+
+
+class OfMatlab:
+    """A dataset of MATLAB with its rows, the longest dimension, first; `shape` None: two are as long."""
+
+    def __init__(self, dataset: Any) -> None:
+        self._dataset = dataset
+        sizes = dataset.shape[::-1]
+        self._rows = sizes.index(max(sizes))
+        chunks = dataset.chunks
+        self.chunks = None if chunks is None else self._rows_first(chunks[::-1])
+        self.shape = self._rows_first(sizes) if sizes.count(max(sizes)) == 1 else None
+
+    def _rows_first(self, sizes: tuple[int, ...]) -> tuple[int, ...]:
+        return sizes[self._rows], *sizes[: self._rows], *sizes[self._rows + 1 :]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._dataset, name)
+
+    def __len__(self) -> int:
+        return int(max(self._dataset.shape))
+
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        before = (slice(None),) * (self._dataset.ndim - 1 - self._rows)
+        return np.moveaxis(np.asarray(self._dataset[(*before, rows)]).T, self._rows, 0)

@@ -1,6 +1,5 @@
-"""How a text file writes its table, found from its first lines: header, separator, decimal mark, row of units.
-
-Nothing is decided that the lines do not settle: what could mean two numbers is left to be refused by row and column.
+"""How a text file writes its table, by its first lines: header, separator, decimal mark, row of units. What these do
+not settle is not decided: what could mean two numbers is left to be refused by row and column.
 """
 
 from __future__ import annotations
@@ -30,9 +29,7 @@ SAMPLE = 10
 """Rows by which a separator is judged."""
 
 OTHER_UNITS = re.compile(r"-|[%‰]|[mk]?hz|[mµμ]?[va]|°?[ck]|k?pa|bar|min|h|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|")
-"""Of columns that no recording needs, in small letters and without blanks. No number is a unit, so that no row of
-readings is taken for units.
-"""
+"""Of columns that no recording needs, in small letters and without blanks. No number is one: readings are no units."""
 
 NO_UNIT = ("", "-", "1")
 
@@ -99,9 +96,8 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
 
 
 def _below_remarks(rows: list[tuple[int, str]], source: str) -> list[tuple[int, str]]:
-    """The rows from the header on: loggers write of themselves above it. All rows where none is found. It is that of
-    the first numbers that others follow; few rows, or a cut one, may leave none such: then that of the first numbers.
-    Raises `FileFormatError` for units up there.
+    """The rows from the header on: that of the first numbers which others follow; of few rows that of the first
+    numbers; all rows where there is none. Raises `FileFormatError` for units in the remarks above.
     """
     lines = [line for _, line in rows[: MOST_REMARKS + ALIKE]]
     each = ((k, mark, split(line, mark)) for k, line in enumerate(lines[:MOST_REMARKS]) for mark in SEPARATORS)
@@ -153,9 +149,7 @@ def _refuse_units(remark: str, where: str) -> None:
 
 
 def refuse_units_above(lines: Sequence[str], row: int, source: str) -> None:
-    """Raise `FileFormatError` for a unit in the remarks above numbers without a header, which begin in a row: there are
-    no names beside which it could stand.
-    """
+    """Raise `FileFormatError` for a unit in the remarks above numbers without a header, beside which it could stand."""
     for above, remark in enumerate(lines[: row - 1], start=1):
         if (stated := _unit_in(remark)) is not None:
             raise FileFormatError(
@@ -247,9 +241,7 @@ def _names(header: str, separator: str, row: int, source: str) -> list[str]:
 
 
 def _separator(header: str, data: Sequence[str]) -> str:
-    """What stands between two cells: that by which the most cells of rows as wide as the header are numbers, else the
-    most frequent one of the header.
-    """
+    """The separator by which most cells of rows as wide as the header are numbers, else its most frequent one."""
     bare = re.sub(r'"[^"]*"', "", header)
     candidates = [mark for mark in SEPARATORS[:-1] if mark in bare] or [" "]
     best, most = max(candidates, key=bare.count), 0
@@ -290,8 +282,6 @@ def _decimal(data: Sequence[str], separator: str) -> str:
 
 
 def is_row(line: str) -> bool:
-    """Whether a line is neither blank nor a comment, with `#` or MATLAB's `% `; a spreadsheet's `#N/A` is none, nor is
-    rostopic's `%time`.
-    """
+    """Whether a line is neither blank nor a comment (`#`, MATLAB's `% `), as `#N/A` and rostopic's `%time` are none."""
     start = line.lstrip()
     return bool(start) and (start[0] != "#" or start.startswith("#N/A")) and not start.startswith("% ")

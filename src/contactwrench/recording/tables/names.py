@@ -1,8 +1,7 @@
 """How people name columns: what one header says, in any case and with anything between its words.
 
 A header is words of a quantity ("force"), an axis or a number ("x", "[3]"), a unit ("(N)", "_nmm"), and words that say
-nothing of what it is ("wrench", "measured"). Any other word is one that this file does not know, and then the header
-says nothing: `fx_std`, `target_x` and `cmd_fx` are no readings.
+nothing ("wrench", "measured"). With any other word it says nothing: `fx_std`, `target_x` and `cmd_fx` are no readings.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ QUANTITIES = {
     **dict.fromkeys(("t", SECONDS, NANOSECONDS), "time"),
     "load": "load",
 }
-"""Of a part, by its usual name; a part that is not here has no unit. `t` is Kawasaki's angle too: see `roles`."""
+"""Of a part, by its usual name; a part that is not here has no unit. `t` is Kawasaki's angle too: `orientations`."""
 
 VECTORS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(
@@ -81,9 +80,7 @@ _NOT_MEASURED = _set(
     "target desired cmd command commanded ref reference setpoint error err std stddev var bias offset gravity virtual "
     "contact compensated estimated filtered external ext"
 )
-"""Words that tell a topic of something else than readings; before a path such as `/topic/wrench/force/x` any others
-are its name.
-"""
+"""Words of a topic of something else than readings; before `/topic/wrench/force/x` any others are its name."""
 
 _NAMES: tuple[tuple[frozenset[str], str, str], ...] = (
     (_OF_WRENCH, r"(?:(f)|forces?|kraft)(?P<axis>[xyz])|(?P<first>[xyz])(?:forces?|kraft)", "f{}"),
@@ -101,7 +98,7 @@ _NAMES: tuple[tuple[frozenset[str], str, str], ...] = (
     (frozenset(), r"(?P<axis>load|saturated)", "{}"),
 )
 """Words that say nothing there, what is left of a header without them and without blanks, and the part that it is. The
-first group: a letter alone, which needs company (see `roles`).
+first group: a letter alone, which needs company (see `header`).
 """
 _RECORDERS = {"%time": "ns", "rosbagtimestamp": "ns", "__time": "s", "ipoc": "ms"}
 """Times of the program that wrote the file: `rostopic echo -p`, rosbag_to_csv, PlotJuggler; of a KUKA's RSI."""

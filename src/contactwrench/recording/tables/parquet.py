@@ -59,10 +59,9 @@ def is_parquet(path: str | Path) -> bool:
 
 
 def open_parquet(path: str | Path, rows: int, episode: int | None, *, whole: bool = False) -> OpenTable:
-    """A Parquet file, or a folder of them as one table, its files in the order of their names, numbers in these by
-    value; at most `rows` rows at a time, with all their columns where they are read `whole`. Row groups without the
-    episode that is stated are left out where some have it. Raises `FileAccessError`, `FileFormatError` and
-    `MissingExtraError`.
+    """A Parquet file, or a folder of them as one table, its files in the order of their names; with all their columns
+    where they are read `whole`. Row groups without the episode that is stated are left out where some have it. Raises
+    `FileAccessError`, `FileFormatError` and `MissingExtraError`.
     """
     parts, fields = _described(path)
     total = sum(sum(part.rows) for part in parts)
@@ -74,13 +73,13 @@ def open_parquet(path: str | Path, rows: int, episode: int | None, *, whole: boo
         names = sorted({".".join(fields[column.place].path) for column in columns})
         before = 0
         for part, groups in zip(parts, having, strict=True):
-            numbers, read = before + part.numbers(groups), 0
+            numbers, read = before + 1 + part.numbers(groups), 0
             before += sum(part.rows)
             for record in _records(part.path, None if whole else names, rows, groups) if groups else ():
                 here = numbers[read : read + len(record)]
                 read += len(record)
                 if 0 < len(here) == len(record):
-                    yield Records(record, fields, here, str(path), (here[-1] + 1.0) / total)
+                    yield Records(record, fields, here, str(path), here[-1] / total)
             if read != len(numbers):
                 stated = f"the {len(numbers)} stated"
                 raise FileFormatError(f"{part.path}: found {read} rows, expected {stated}: write it anew")
@@ -99,7 +98,7 @@ class Records(Batch):
         """Some of the rows, by a mask (n,)."""
         import pyarrow as pa
 
-        return Records(self.record.filter(pa.array(kept)), self._fields, self._rows[kept], self.source, self.done)
+        return Records(self.record.filter(pa.array(kept)), self._fields, self.rows[kept], self.source, self.done)
 
     def floats(self, column: Column) -> Array:
         """The numbers (n,) of a column; NaN for null. Raises `FileFormatError` for what are no numbers."""
@@ -267,9 +266,7 @@ def _records(path: Path, columns: list[str] | None, rows: int, groups: list[int]
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """An open Parquet file, by no name that pyarrow could take for a URI. Raises `FileAccessError`, `FileFormatError`
-    and `MissingExtraError`.
-    """
+    """An open Parquet file, by no name that pyarrow could take for a URI. Raises as `open_parquet`."""
     pq = import_parquet()
     with open_bytes(path) as opened:
         with _readable(str(path)):

@@ -12,24 +12,6 @@ from operator import attrgetter
 
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import Convention
-from .candidates import (
-    Candidate,
-    as_listed,
-    candidates,
-    column,
-    estimates,
-    expanded,
-    lacking,
-    named,
-    perhaps_torque,
-    quoted,
-    require_one_set,
-    require_units,
-    silence,
-    stamps,
-    undecided,
-    usual,
-)
 from .columns import (
     NANOSECONDS,
     POSITION,
@@ -43,15 +25,15 @@ from .columns import (
     listed,
     shown,
 )
-from .names import ESTIMATES, QUANTITIES
+from .header import Candidate, Header, as_listed, quoted
+from .names import ESTIMATES
 from .orientations import orientation_columns
-from .units import UNREADABLE, stated_units, unit_of
+from .units import UNREADABLE, unit_of
 
 WITHOUT_TIMES = "none"
 """What --time-column takes where a column that looks like times is to be left alone."""
 BESIDE_SI = ("", "N", "N m", "N mm", "N cm", "mN m")
 """Units of force and torque beside which the other, without a unit, is taken to be in SI."""
-_BY_WRENCH_COLUMNS = "name the six with --wrench-columns A,B,C,D,E,F"
 
 
 def roles_of(table: OpenTable, naming: Naming, *, wrench: bool = True) -> ColumnRoles:
@@ -76,10 +58,10 @@ def roles_beside(
     table: OpenTable, naming: Naming, wrench: list[Column], chosen: Convention | None, angles: list[Column]
 ) -> ColumnRoles:
     """What the other columns are where those of the wrench and of the orientation are chosen already."""
-    taken = {column.place for column in (*angles, *wrench)}
+    header, taken = Header.of(table, naming), {column.place for column in (*angles, *wrench)}
     t = time_columns(table, naming, taken)
-    load = load_column(table) if wrench else None
-    saturated = usual(table, SATURATED, "") if wrench else None
+    load = _load_column(header) if wrench else None
+    saturated = header.usual(SATURATED) if wrench else None
     roles = ColumnRoles(
         wrench=tuple(wrench),
         convention=chosen,
@@ -87,7 +69,7 @@ def roles_beside(
         t=t,
         position=position_columns(table, naming, taken) if chosen else (),
         load=() if load is None or load.place in taken else (load,),
-        saturated=() if saturated is None else (column(table, saturated, SATURATED, "", {}),),
+        saturated=() if saturated is None else (header.column(saturated, SATURATED),),
     )
     if not any(each.is_numbered for each in roles.columns):
         return roles
@@ -97,68 +79,64 @@ def roles_beside(
 
 def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
     """The columns fx..tz. Raises `FileFormatError` where one is not there or could be two, `InputError` for options."""
-    stated, units = naming.wrench_columns, stated_units(naming.units)
-    found = _wrench_by_names(table) if stated is None else _stated_wrench(table, stated)
-    pairs = zip(found, WRENCH_COLUMNS, strict=True)
-    chosen = [column(table, candidate, part, QUANTITIES[part], units) for candidate, part in pairs]
+    header = Header.of(table, naming)
+    found = _wrench_by_names(header) if naming.wrench_columns is None else _stated_wrench(header, naming.wrench_columns)
+    chosen = [header.column(candidate, part) for candidate, part in zip(found, WRENCH_COLUMNS, strict=True)]
     if all(each.is_usual for each in chosen):
         return chosen
     force, torque = chosen[:3], chosen[3:]
-    require_units(table, force, "force")
-    require_units(table, torque, "torque")
+    header.require_units(force, "force")
+    header.require_units(torque, "torque")
     for stating, others, quantity in ((force[0], torque, "torque"), (torque[0], force, "force")):
         silent = next((each for each in others if not each.unit), None)
         if stating.unit not in BESIDE_SI and silent is not None:
-            raise silence(table, stating, silent, quantity)
+            raise header.silence(stating, silent, quantity)
     return chosen
 
 
-def _wrench_by_names(table: OpenTable) -> list[Candidate]:
+def _wrench_by_names(header: Header) -> list[Candidate]:
     """The columns fx..tz by their usual names, else by what their headers say."""
-    by_usual_names = [usual(table, part, QUANTITIES[part]) for part in WRENCH_COLUMNS]
-    whole = [candidate for candidate in by_usual_names if candidate is not None]
-    by_part = candidates(table)
-    if len(whole) == len(by_usual_names):
+    whole = [candidate for part in WRENCH_COLUMNS if (candidate := header.usual(part)) is not None]
+    by_part = header.candidates
+    if len(whole) == len(WRENCH_COLUMNS):
         by_axis = {part: [each for each in by_part[part] if each.said.index is None] for part in WRENCH_COLUMNS}
         if [part for part, several in by_axis.items() if len(several) > 1] == list(WRENCH_COLUMNS[3:]):
             # one fx, with tx, which may be a translation, and with mx
-            raise undecided(table, by_axis["tx"], "tx", f"--wrench-columns {as_listed(whole)}")
+            raise header.undecided(by_axis["tx"], "tx", f"--wrench-columns {as_listed(whole)}")
         return whole
-    controllers = estimates(by_part)
+    controllers = header.estimates()
     missing = [part for part in WRENCH_COLUMNS if part not in by_part]
     if controllers and len(missing) == len(WRENCH_COLUMNS):
         vector, columns = next(iter(controllers.items()))
         whose, instead, axes = ESTIMATES[vector]
         raise FileFormatError(
-            f"{table.source}: found no wrench but {quoted(columns[:1])} and so on, what {whose} makes of it, its "
+            f"{header.source}: found no wrench but {quoted(columns[:1])} and so on, what {whose} makes of it, its "
             f"payload subtracted already, expected the sensor's own reading: {instead}, or, recorded with a payload "
             f"of 0 kg, take these with --wrench-columns {as_listed(columns)}{axes}"
         )
-    if set(missing) == set(WRENCH_COLUMNS[3:]) and len(letters := perhaps_torque(table, missing)) == len(missing):
+    if set(missing) == set(WRENCH_COLUMNS[3:]) and len(letters := header.perhaps_torque(missing)) == len(missing):
         six = as_listed([*(by_part[part][0] for part in WRENCH_COLUMNS[:3]), *letters])
         raise FileFormatError(
-            f"{table.source}: found {quoted(letters)}, a torque or something else by their names, expected one that "
+            f"{header.source}: found {quoted(letters)}, a torque or something else by their names, expected one that "
             f"their unit tells, or fx fy fz beside them: if they are the torque say --wrench-columns {six}"
         )
     if missing:
         two = ", or --wrench W.csv --pose P.csv" if len(missing) == len(WRENCH_COLUMNS) else ""
-        mend = f"add it, or {_BY_WRENCH_COLUMNS}{two}"
-        raise lacking(table, missing[0], "fx fy fz tx ty tz and an orientation", mend)
-    choices = {part: by_part[part] for part in WRENCH_COLUMNS}
-    for part, several in choices.items():
-        if len(several) > 1:
-            six = as_listed(choices[each][0] for each in WRENCH_COLUMNS)
-            raise undecided(table, several, part, f"--wrench-columns {six}")
-    firsts = [choices[part][0] for part in WRENCH_COLUMNS]
+        mend = f"add it, or name the six with --wrench-columns A,B,C,D,E,F{two}"
+        raise header.lacking(missing[0], "fx fy fz tx ty tz and an orientation", mend)
+    firsts = [by_part[part][0] for part in WRENCH_COLUMNS]
     option = f"--wrench-columns {as_listed(firsts)}"
+    for part in WRENCH_COLUMNS:
+        if len(by_part[part]) > 1:
+            raise header.undecided(by_part[part], part, option)
     for one_vector in (firsts[:3], firsts[3:]):
-        require_one_set(table, one_vector, option)
-    require_one_set(table, firsts, option, attrgetter("sensor"))
+        header.require_one_set(one_vector, option)
+    header.require_one_set(firsts, option, attrgetter("sensor"))
     return firsts
 
 
-def _stated_wrench(table: OpenTable, text: str) -> list[Candidate]:
-    names = expanded(table, text).split(",")
+def _stated_wrench(header: Header, text: str) -> list[Candidate]:
+    names = header.expanded(text).split(",")
     if len(names) != len(WRENCH_COLUMNS) or len({name.strip().lower() for name in names}) != len(names):
         raise InputError(
             f"--wrench-columns is {shown(text, 200)!r}, expected six different names A,B,C,D,E,F, or a slice of six "
@@ -166,35 +144,31 @@ def _stated_wrench(table: OpenTable, text: str) -> list[Candidate]:
         )
     found = []
     for name, part in zip(names, WRENCH_COLUMNS, strict=True):
-        candidate = named(table, name, part, QUANTITIES[part])
+        candidate = header.named(name, part)
         if candidate is None:
-            raise lacking(table, name.strip(), "what --wrench-columns names", "name columns of the file")
+            raise header.lacking(name.strip(), "what --wrench-columns names", "name columns of the file")
         found.append(candidate)
     return found
 
 
 def time_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) -> tuple[Column, ...]:
-    """The column of the times, those of seconds and nanoseconds of one stamp, or none; none at the places `taken`.
-
-    Of several the row's own (PlotJuggler) comes before a message's stamp, and that before the recorder's clock. Raises
-    `FileFormatError` for a column that is stated and not there, and where two could be the times, and `InputError` for
-    options that are none.
+    """The column of the times, those of seconds and nanoseconds of one stamp, or none; none at the places `taken`. Of
+    several the row's own (PlotJuggler) comes before a message's stamp, and that before the recorder's clock. Raises
+    `FileFormatError` for a column that is stated and not there, and two that could be the times, and `InputError`.
     """
-    units = stated_units(naming.units)
+    header = Header.of(table, naming)
     if naming.rate is not None and (name := counted_times(naming.rate)) in table.places:
         return (Column(table.places[name], name, 1.0, "t", "s"),)
     if naming.time_column is not None:
-        return _stated_times(table, naming.time_column, units, taken)
-    by_usual_name = usual(table, "t", "time")
-    if by_usual_name is not None:
-        return () if by_usual_name.place in taken else (column(table, by_usual_name, "t", "time", units),)
-    by_part = candidates(table)
-    found = [times for times in stamps(by_part) if all(each.place not in taken for each in times)]
+        return _stated_times(header, naming.time_column, taken)
+    if (by_usual_name := header.usual("t")) is not None:
+        return () if by_usual_name.place in taken else (header.column(by_usual_name, "t"),)
+    found = [times for times in header.stamps() if all(each.place not in taken for each in times)]
     first = min(map(_preference, found), default=0)
     found = [times for times in found if _preference(times) == first]
     if len(found) > 1:
-        raise undecided(table, [times[0] for times in found], "t", f"--time-column {as_listed(found[0][:1])}")
-    return _as_times(table, found[0], units) if found else ()
+        raise header.undecided([times[0] for times in found], "t", f"--time-column {as_listed(found[0][:1])}")
+    return _as_times(header, found[0]) if found else ()
 
 
 def _preference(times: tuple[Candidate, ...]) -> int:
@@ -206,59 +180,58 @@ def _preference(times: tuple[Candidate, ...]) -> int:
     return 3 if of in (["%time"], ["rosbagtimestamp"]) else 2
 
 
-def _as_times(table: OpenTable, times: tuple[Candidate, ...], units: dict[str, str]) -> tuple[Column, ...]:
+def _as_times(header: Header, times: tuple[Candidate, ...]) -> tuple[Column, ...]:
     """Columns of times; ms where libfranka wrote them (its src/logging/robot_state_log.cpp) and nobody says another."""
-    if "success_rate" in table.places and "time" in table.places:
-        units = {"time": "ms", **units}
-    made = zip(times, ("t", NANOSECONDS), strict=False)
-    return tuple(column(table, each, role, "time", units) for each, role in made)
+    if "success_rate" in header.places and "time" in header.places:
+        header = replace(header, units={"time": "ms", **header.units})
+    return tuple(header.column(each, role) for each, role in zip(times, ("t", NANOSECONDS), strict=False))
 
 
-def _stated_times(table: OpenTable, text: str, units: dict[str, str], taken: Collection[int]) -> tuple[Column, ...]:
+def _stated_times(header: Header, text: str, taken: Collection[int]) -> tuple[Column, ...]:
     if text == WITHOUT_TIMES:
         return ()
-    found = named(table, text, "t", "time")
+    found = header.named(text, "t")
     if found is None and unit_of("time", text.rpartition(":")[2]) is not None:
         name, _, spelled = text.rpartition(":")
-        found, unit = named(table, name, "t", "time"), unit_of("time", spelled) or ""
-        others = {units.get("time"), found.said.unit if found is not None else None} - {None, "", unit, UNREADABLE}
-        if others:
+        found, unit = header.named(name, "t"), unit_of("time", spelled) or ""
+        others = {header.units.get("time"), found.said.unit if found is not None else None}
+        if others := others - {None, "", unit, UNREADABLE}:
             raise InputError(
-                f"{table.source}: found --time-column in {unit}, and {others.pop()} in the column's name or --units, "
+                f"{header.source}: found --time-column in {unit}, and {others.pop()} in the column's name or --units, "
                 "expected one of them: leave one out"
             )
-        units = {**units, "time": unit}
+        header = replace(header, units={**header.units, "time": unit})
     if found is None:
-        raise lacking(table, text, "what --time-column names", "name a column of the file, or none")
+        raise header.lacking(text, "what --time-column names", "name a column of the file, or none")
     if found.place in taken:
         raise FileFormatError(
-            f"{table.source}: found column {shown(found.name)} as times and as wrench or orientation, expected one of "
+            f"{header.source}: found column {shown(found.name)} as times and as wrench or orientation, expected one of "
             "them: correct --time-column or the others"
         )
-    pairs = (times for times in stamps(candidates(table)) if len(times) > 1 and times[0].place == found.place)
-    return _as_times(table, next(pairs, (found,)), units)
+    pairs = (times for times in header.stamps() if len(times) > 1 and times[0].place == found.place)
+    return _as_times(header, next(pairs, (found,)))
 
 
 def position_columns(table: OpenTable, naming: Naming, taken: Collection[int]) -> tuple[Column, ...]:
     """The columns x y z if all are there, each once and of one set, and at none of the places `taken`; else none."""
-    found = [usual(table, part, "length") for part in POSITION]
+    header = Header.of(table, naming)
+    found = [header.usual(part) for part in POSITION]
     if None in found:
-        by_part = candidates(table)
-        found = [several[0] if len(several := by_part.get(part, [])) == 1 else None for part in POSITION]
+        candidates = [header.candidates.get(part, []) for part in POSITION]
+        found = [several[0] if len(several) == 1 else None for several in candidates]
         found = found if len({each.said.of for each in found if each is not None}) == 1 else []
     whole = [each for each in found if each is not None and each.place not in taken]
     if len(whole) < len(POSITION):
         return ()
-    units = stated_units(naming.units)
-    made = tuple(column(table, each, part, "length", units) for each, part in zip(whole, POSITION, strict=True))
+    made = tuple(header.column(each, part) for each, part in zip(whole, POSITION, strict=True))
     if not all(each.is_usual for each in made):
-        require_units(table, made, "length")
+        header.require_units(made, "length")
     return made
 
 
-def load_column(table: OpenTable) -> Column | None:
+def _load_column(header: Header) -> Column | None:
     """The column of a load hung on the tool. Raises `FileFormatError` for one without a unit."""
-    found = usual(table, "load", "load") or next(iter(candidates(table).get("load", ())), None)
+    found = header.usual("load") or header.first("load")
     if found is not None and not found.said.unit:
-        raise FileFormatError(f"{table.source}: column load has no unit, expected load_g or load_kg: rename it")
-    return None if found is None else column(table, found, "load", "load", {})
+        raise FileFormatError(f"{header.source}: column load has no unit, expected load_g or load_kg: rename it")
+    return None if found is None else header.column(found, "load")

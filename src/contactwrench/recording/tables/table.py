@@ -1,7 +1,4 @@
-"""What the rows of a recording's table hold, whatever kind of file it is.
-
-How a file becomes named columns of numbers is for csv.py, parquet.py and hdf5.py; which of them is what, for roles.py.
-"""
+"""What the rows of a recording's table hold, whatever kind of file it is."""
 
 from __future__ import annotations
 
@@ -21,9 +18,8 @@ from ...samples.samples import CODES, LARGEST_READING, ReadAs, stands_for_none
 from ...statistics import counted
 from . import csv, hdf5, parquet
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, unheard, with_slices
-from .counted_times import at_rate
 from .csv import open_csv
-from .episodes import one_episode
+from .episodes import at_rate, one_episode
 from .hdf5 import is_hdf5, open_hdf5
 from .parquet import is_parquet, open_parquet
 from .roles import roles_of
@@ -36,9 +32,8 @@ SUFFIXES = (*csv.SUFFIXES, *parquet.SUFFIXES, *hdf5.SUFFIXES)
 class Table(Rows):
     """What rows of a file hold, as its writer meant it: SI units, the file's own sign, frame and direction of rotation.
 
-    `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,). In
-    a recording with times a row may lack its wrench, with load and saturation, or a part of it, or its orientation,
-    with the position: NaN. What is in none of the rows is None. `source` and `read_as` as in `Samples`.
+    `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,): NaN in a
+    row of a recording with times that lacks it, None where no row has it. `source` and `read_as` as in `Samples`.
     """
 
     wrench: Array = field(metadata=column(6))
@@ -91,9 +86,8 @@ class WrittenRows:
 
 
 def open_table(path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS) -> OpenTable:
-    """The columns of a table, and what reads them block by block; of a set of recordings one. Raises
-    `FileAccessError`, `FileFormatError`, and `InputError` for datasets of HDF5 that are stated of another file, and a
-    rate beside times.
+    """The columns of a table, and what reads them block by block; of a set of recordings one. Raises `FileAccessError`,
+    `FileFormatError`, and `InputError` for datasets of HDF5 stated of another file, and a rate beside times.
     """
     table = one_episode(open_set(path, naming, rows), naming.episode)
     return table if naming.rate is None else at_rate(table, naming, naming.rate)
@@ -213,9 +207,7 @@ def _rows_there(
 def _require(
     good: NDArray[np.bool_], values: Array, columns: Sequence[Column], body: Body, expected: str | Range
 ) -> None:
-    """Raise `FileFormatError` naming the first of `values` (n, k), SI, that is not good, in its column's unit, and what
-    is, a range in that unit too.
-    """
+    """Raise `FileFormatError` naming the first of `values` (n, k), SI, that is not good, in its column's unit."""
     if not good.all():
         index, k = (int(place) for place in np.argwhere(~good)[0])
         value, name, per_si = values[index, k] * columns[k].per_si, columns[k].name, columns[k].per_si

@@ -17,9 +17,8 @@ THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[., '\u2019\u00a0\u202f]\d{3})+(?:[.,]\d
 
 _no_text = re.compile("[\ufffd¡¢£¤¥¦¨©ª¬®¯¸¹¼½¾¿¶‚ƒ„†‡ˆ‰‹›]|[–—‘“”•˜™][À-ÿ]|[À-ÿ]{3}").sub
 NO_TEXT = "\N{REPLACEMENT CHARACTER}"
-"""What no name in Windows' 1252 has, and names of another code, as Shift JIS, GBK, EUC-KR, and Windows' 1251, become
-where that is taken for it; and what stands instead. Brackets of full width always become so, and any unit in them. In
-UTF-8 the same signs are what was written.
+"""What no name in Windows' 1252 has, and names of another code (Shift JIS, GBK, EUC-KR, Windows' 1251) become where
+that is taken for it; and what stands instead. Brackets of full width always become so, and any unit in them.
 """
 UNIT_AT_END = re.compile(r"[\[(]([\w\s/*.^%-]+)[\])]\s*$", re.ASCII)
 

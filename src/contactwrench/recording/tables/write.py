@@ -1,8 +1,7 @@
 """Contact wrenches as files, batch by batch: CSV, or Parquet beside the columns of the recording.
 
 Columns: `episode_index` of a set, `t` where there are times, fx..tz the contact wrench, fx_std..tz_std; where they were
-judged sample by sample also `valid` (1 or 0), `contact` (1, 0, or nothing where nobody can tell) and `reason`, in
-words, where `valid` is 0.
+judged also `valid` (1 or 0), `contact` (1, 0, or nothing where nobody can tell) and `reason`, where `valid` is 0.
 """
 
 from __future__ import annotations
@@ -26,6 +25,8 @@ from .roles import wrench_columns
 
 NAMES = (*WRENCH_COLUMNS, *(f"{name}_std" for name in WRENCH_COLUMNS))
 JUDGEMENT = ("valid", "contact", "reason")
+CONTACT = ("0", "1", "")
+"""How contact is written: none, some, or, at place -1, that nobody can tell."""
 PREFIX = "contact_"
 """Of the new columns' names in a Parquet file, where the recording's columns have one of their names."""
 
@@ -59,20 +60,13 @@ def write_contact_wrenches(
 def _csv(batches: Iterable[ContactWrenches]) -> Iterator[str]:
     for k, batch in enumerate(batches):
         if k == 0:
-            yield csv_header(batch)
+            before = [*([EPISODE] if batch.episode is not None else []), *(["t"] if batch.t is not None else [])]
+            yield ",".join([*before, *NAMES, *(JUDGEMENT if batch.judged else [])]) + "\n"
         yield from csv_lines(batch)
 
 
-def csv_header(batch: ContactWrenches) -> str:
-    """The names of the columns that a batch, and those behind it, have."""
-    before = [*([EPISODE] if batch.episode is not None else []), *(["t"] if batch.t is not None else [])]
-    return ",".join([*before, *NAMES, *(JUDGEMENT if batch.judged else [])]) + "\n"
-
-
 def csv_lines(batch: ContactWrenches) -> Iterator[str]:
-    """The rows of a batch, many at a time, by one `%` for many lines: Python writes a number faster than numpy can do
-    anything to a text.
-    """
+    """The rows of a batch, many at a time, by one `%` for many lines: Python writes numbers faster than numpy."""
     known = [(form, column) for form, column in (("%d", batch.episode), ("%r", batch.t)) if column is not None]
     columns = [*(column for _, column in known), *batch.wrench.T, *batch.std.T]
     judgement = ["%d,%s,%s"] if batch.judged else []
@@ -81,18 +75,9 @@ def csv_lines(batch: ContactWrenches) -> Iterator[str]:
         some = slice(start, start + LINES)
         cells = [column[some].tolist() for column in columns]
         if batch.judged:
-            cells += _judgement(batch, some)
+            contact = [CONTACT[touches] for touches in batch.contact[some].tolist()]
+            cells += [batch.valid[some].tolist(), contact, [quoted(reason) for reason in batch.reason[some]]]
         yield line * len(cells[0]) % tuple(chain.from_iterable(zip(*cells, strict=True)))
-
-
-def _judgement(batch: ContactWrenches, some: slice) -> list[list[Any]]:
-    """The cells of some samples' judgement, column by column."""
-    contact = ("0", "1", "")  # the last also stands at place -1
-    return [
-        batch.valid[some].tolist(),
-        [contact[touches] for touches in batch.contact[some].tolist()],
-        [quoted(reason) for reason in batch.reason[some]],
-    ]
 
 
 def quoted(reason: str | None) -> str:

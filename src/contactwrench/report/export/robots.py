@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...assess.robot_arms import AGAINST_CONTROLLER
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Vector
 from ...geometry.orientation import to_quat_xyzw
-from ...recording.base_frames import AGAINST_CONTROLLER
 from .payload import Payload, fixed, payload_on_flange, principal_axes
 from .target import Parameters, Setup, Target, commented
 from .tool import roll_pitch_yaw

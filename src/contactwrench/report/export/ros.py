@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...assess.robot_arms import R_between
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Array
 from ...model import wrench_matrix
-from ...recording.base_frames import R_between
 from .target import NAME, Parameters, Setup, Target
 from .tool import DOWN, largest_error, mounting_remark, number, numbers, rigid_tool
 

@@ -1,24 +1,26 @@
-"""Contact that may be none, and forces that nobody judges: another tool, another zero, an arm that accelerates, or not
-read as calibrated.
-"""
+"""What a recording shows that no sample does: readings that stand still, contact that may be none, forces left over."""
 
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..calibration.dynamics import inertial_matrix
-from ..compensate.contact_wrenches import FREE, TOUCHING, ContactWrenches
+from ..compensate.contact_wrenches import FREE, NOT_GIVEN, NOT_JUDGED, TOUCHING, ContactWrenches
+from ..compensate.faults import Reason
 from ..errors import InputError
 from ..estimation.noise import variance_of_means
 from ..estimation.priors import tool_of
 from ..geometry.arrays import Array
-from ..model import weight_scale
+from ..model import AXES, weight_scale
 from ..samples.flange_motion import flange_motion
+from ..samples.limits import channels_at_limit
 from ..samples.samples import Samples
-from ..statistics import two_digits
+from ..statistics import counted, two_digits
 
 LONG, STEADY, MARGIN = 10.0, 0.05, 1.2
 """s for which no hand keeps as even: within this share of the force, and so many times the variance."""
@@ -38,13 +40,67 @@ OTHERWISE = (
     "if nothing touches, the recording has another tool (calibrate it), another zero (--zero S), or is not "
     "read as the calibration was (sign, units, orientation)"
 )
+SATURATED = Reason("saturated: a channel stands at its limit")
+STUCK = "stuck"
+
+
+class StuckReadings:
+    """What a control loop learns only after a while is told here of each row, batch by batch: that a channel stands at
+    its limit, which the batch before and this one show, and that a reading was stuck, back to where it began in it.
+    """
+
+    def __init__(self) -> None:
+        self._before, self._at_limit = np.full((1, 6), np.nan), np.zeros(6, dtype=int)
+
+    def marked(self, rows: ContactWrenches, samples: Samples) -> ContactWrenches:
+        """The same rows, of the next samples; those that stand still are not valid, and not judged for contact."""
+        wrench, valid, reasons, contact = samples.wrench, rows.valid.copy(), list(rows.reason), rows.contact.copy()
+        saturated, moves = self._saturated(rows, samples), np.diff(wrench, axis=0, prepend=self._before[-1:]) != 0.0
+        self._before = wrench if len(wrench) else self._before
+        channels = {row: why.channel for row, why in enumerate(rows.reason) if why is not None and why.kind == STUCK}
+        for row in np.flatnonzero(saturated & (valid | np.isin(np.arange(len(wrench)), list(channels)))).tolist():
+            reasons[row], valid[row] = SATURATED, False
+        of_each = zip((*range(6), -1), (*AXES, "the whole reading"), (*moves.T, moves.any(axis=1)), strict=True)
+        for channel, what, moved in of_each:
+            stretch = np.cumsum(moved)
+            stuck = [stretch[row] for row, own in channels.items() if own == channel]
+            for row in np.flatnonzero(valid & ~moved & np.isin(stretch, stuck)).tolist():
+                reasons[row] = Reason(f"{STUCK}: {what} has begun to stand still", channel=channel)
+                valid[row], contact[row] = False, NOT_JUDGED
+        return replace(
+            rows,
+            valid=valid,
+            reason=tuple(reasons),
+            contact=contact,
+            statistic=NOT_GIVEN,
+            threshold=NOT_GIVEN,
+            covariance_of=NOT_GIVEN,
+            covariance=None,
+        )
+
+    def _saturated(self, rows: ContactWrenches, samples: Samples) -> NDArray[np.bool_]:
+        """As the recording says; else, where rows were judged, as readings do that are not what a free tool gives: a
+        coarse and quiet sensor at rest may stand at its least value too.
+        """
+        if samples.saturated is not None:
+            return samples.saturated
+        if rows.statistic is None:
+            return np.zeros(len(rows), dtype=bool)
+        limit = channels_at_limit(np.vstack([self._before, samples.wrench]))[len(self._before) :]
+        limit &= ~(rows.statistic <= rows.threshold)[:, None]
+        self._at_limit += limit.sum(axis=0)
+        return np.asarray(limit.any(axis=1))
+
+    def __str__(self) -> str:
+        """How many rows of which channels stand at their limits; empty where none does."""
+        of = [f"{axis} in {counted(int(n), 'row')}" for axis, n in zip(AXES, self._at_limit, strict=True) if n]
+        return f"readings stand at the sensor's limit and show less than there was: {', '.join(of)}" if of else ""
 
 
 class InDoubt:
     """Whether contact, batch by batch, may be another tool or a zero that moved: it lasts, by a force that a weight, a
     bias and a steady drift explain, as they do no hand's, or there is one for most of the time; or the inertia of a
-    tool, which the calibration does not know: its mass times the acceleration that positions tell; or noise that is
-    larger than is known, which makes many short ones.
+    tool, which the calibration does not know; or noise that is larger than is known, which makes many short ones.
     """
 
     def __init__(self, calibration: Calibration) -> None:
@@ -123,9 +179,7 @@ class OffThroughout:
         self.variance, self.least, self.rows, self.off = float(np.sum(of_row)), 0.0, 0, 0
 
     def add(self, batch: ContactWrenches) -> None:
-        """The next rows, as noisy as those of the calibration or as they are from row to row; those without a contact
-        wrench do not count.
-        """
+        """The next rows, as noisy as those of the calibration or as from row to row; NaN does not count."""
         force = batch.wrench[np.isfinite(batch.wrench[:, :3]).all(axis=1), :3]
         if len(force) > 1:
             own = np.median(np.abs(np.diff(force, axis=0)), axis=0) / MEDIAN_STEP
