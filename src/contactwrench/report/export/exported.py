@@ -17,11 +17,10 @@ from ...compensate.delay import delay_of
 from ...errors import InputError
 from ...statistics import meaningful_digits, three_digits, two_digits
 from ...version import __version__
-from . import code, research, robots, ros
-from .target import Parameters, Setup, Target
-from .tool import ROUNDING, largest_error
+from . import research, robots, ros
+from .target import ROUNDING, Parameters, Setup, Target, largest_error
 
-TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *robots.TARGETS, *code.TARGETS)}
+TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *robots.TARGETS, *research.LANGUAGES)}
 """Every format of parameters, by its name."""
 OF_THE_RECORDING = (
     "the bias is the sensor's in the recording: once the sensor, or its driver, is zeroed anew, it is another"
