@@ -63,14 +63,8 @@ def settle() -> None:
 
 
 class Before:
-    """Until the session begins, in a `with` block that ends with it.
-
-    Args:
-        printed: whether events are, as JSON, and in words.
-        devices: by role.
-        hub: of the page.
-        serve: what serves the page; None: there is none.
-        aside: what lets a thread run behind others; None: they all run alike.
+    """Until the session begins, in a `with` block that ends with it: whether events are `printed`, as JSON, in words;
+    `devices` by role; the page's `hub`, and what serves it, if any; what lets a thread run behind others, if anything.
     """
 
     def __init__(

@@ -159,9 +159,7 @@ def in_c(header: Sequence[str], body: str) -> str:
 
 
 def _target(name: str, program: str, row: str, between: str, with_header: WithHeader) -> Target:
-    """A language: its template beside this file, in which B stands `row` by row with `between` between, every number in
-    its shortest exact form.
-    """
+    """A language: its template beside this file, in which B stands `row` by row, in the shortest exact form."""
 
     def parameters(c: Calibration, setup: Setup) -> Parameters:
         B = c.B if setup.tool_mass is None else wrench_matrix(rigid_tool(c, setup, name))
