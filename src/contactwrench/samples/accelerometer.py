@@ -18,8 +18,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Matrix, Rows, Vector, column, shaped
 from ..geometry.rotations import procrustes, rotation_vectors
 from .samples import Samples
-from .synchronize import default_gap
-from .timestamps import spread_evenly
+from .timestamps import default_gap, spread_evenly
 
 BLOCK = 0.1
 """s, over which readings are averaged."""

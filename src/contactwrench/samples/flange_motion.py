@@ -18,8 +18,7 @@ from ..geometry.wrench import cross_matrix
 from .accelerometer import Accelerometer
 from .motion import PRODUCTS
 from .samples import Samples
-from .synchronize import default_gap
-from .timestamps import spread_evenly
+from .timestamps import default_gap, spread_evenly
 
 ROLL_OFF = 1.0
 """Of the bandwidth, above it: there the filter's gain falls to zero."""
