@@ -281,7 +281,7 @@ def test_a_name_that_is_not_there_is_said() -> None:
 def test_a_single_sample_is_compensated_without_compiling_anything() -> None:
     loaded = _loaded_by(
         "import numpy as np\n"
-        "from contactwrench.calibration.stepper import stepper\n"
+        "from contactwrench.model import stepper\n"
         "from contactwrench.subtract import compensate\n"
         "B, d = np.ones((6, 4)), np.array([0.0, 0.0, -1.0])\n"
         "compensate(B, d, np.ones(6), np.array([0.0, 0.6, 0.0, 0.8]))\n"

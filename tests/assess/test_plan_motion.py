@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactwrench.assess import motion_design
+from contactwrench.assess import plan_motion as motion_design
 from contactwrench.assess.fourier_motion import FLANGE_SPEED, TURN_ACCELERATION, TURN_SPEED, limits_of, moving_flange
 from contactwrench.assess.plan import READINGS, Expected
 from contactwrench.assess.plan_motion import STOP, plan_motion

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.assess import motion_design
+from contactwrench.assess import plan_motion as motion_design
 from contactwrench.assess.plan import READINGS, Expected, expected_tool
 from contactwrench.assess.plan_motion import DynamicPlan, plan_motion
 from contactwrench.calibration.dynamics import DYNAMIC_PARAMETERS, elements

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.cli.live_lab import Hands
+from contactwrench.cli.lab import Hands
 from contactwrench.lab.lines import TcpLines
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.truth import Plain
@@ -219,7 +219,7 @@ def test_a_session_runs_before_other_programs_where_it_may(
     monkeypatch.setattr(os, "getpriority", lambda *_: nice)
     monkeypatch.setattr(os, "sched_setscheduler", ask)
     monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: seen.append(policies[-1]))
-    monkeypatch.setattr("contactwrench.cli.live_before.compile_now", lambda _: None)  # a thread of its own
+    monkeypatch.setattr("contactwrench.cli.live_terminal.compile_now", lambda _: None)  # a thread of its own
     arguments = ("--sensor", devices[0], "--robot", devices[1], "-c", calibration, "--no-page")
     with nothing_left():
         assert run(capsys, "live", *arguments).status == 0
@@ -309,7 +309,7 @@ def test_stated_ranges_are_held_against_a_calibration_before_a_session(
     tmp_path: Path, calibration: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     """Of a sensor that states none: it ran, and each reading of a free tool was an overload."""
-    monkeypatch.setattr("contactwrench.cli.live_before.compile_now", lambda _: None)
+    monkeypatch.setattr("contactwrench.cli.live_terminal.compile_now", lambda _: None)
     monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: None)
     lines = '{"fx":0,"fy":0,"fz":0,"tx":0,"ty":0,"tz":0,"qx":0,"qy":0,"qz":0,"qw":1}\n'
     (tmp_path / "in").write_text(lines)

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from contactwrench.cli import progress as module
-from contactwrench.cli.progress import progress
+from contactwrench.cli import streams as module
+from contactwrench.cli.streams import progress
 
 
 class Terminal(io.StringIO):

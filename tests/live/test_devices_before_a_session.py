@@ -10,7 +10,7 @@ from threading import Event
 
 import pytest
 
-from contactwrench.cli.live_before import COMPILES
+from contactwrench.cli.live_terminal import COMPILES
 from contactwrench.errors import InputError
 from contactwrench.lab.rsi import Rsi
 from contactwrench.lab.sri import Sri
@@ -92,8 +92,8 @@ def test_what_is_not_there_is_said_while_the_step_is_compiled(
 ) -> None:
     """That takes ten seconds the first time."""
     compiled = Event()
-    monkeypatch.setattr("contactwrench.cli.live_before.compile_now", lambda _: compiled.wait())
-    monkeypatch.setattr("contactwrench.cli.live_before.LOADED", 0.01)
+    monkeypatch.setattr("contactwrench.cli.live_terminal.compile_now", lambda _: compiled.wait())
+    monkeypatch.setattr("contactwrench.cli.live_terminal.LOADED", 0.01)
     calibration().save(tmp_path / "cal.json")
     uri = f"tcp://127.0.0.1:{free_port()}"
     done = run(capsys, "live", "--sensor", uri, "-c", tmp_path / "cal.json", "--no-page")
@@ -131,9 +131,9 @@ def test_compiling_and_waiting_are_events_and_on_the_page(
     def seen(hub: Hub, snapshot: bytes) -> None:
         shown.append(json.loads(snapshot))
 
-    monkeypatch.setattr("contactwrench.cli.live_before.compile_now", lambda _: step.wait())
-    monkeypatch.setattr("contactwrench.cli.live_before.LOADED", 0.01)
-    monkeypatch.setattr("contactwrench.cli.live_before.EVERY", 0.02)
+    monkeypatch.setattr("contactwrench.cli.live_terminal.compile_now", lambda _: step.wait())
+    monkeypatch.setattr("contactwrench.cli.live_terminal.LOADED", 0.01)
+    monkeypatch.setattr("contactwrench.cli.live_terminal.EVERY", 0.02)
     monkeypatch.setattr("contactwrench.live.sources.rsi.LISTENS", 0.3)
     monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: None)
     monkeypatch.setattr(Hub, "publish", seen)
@@ -204,7 +204,7 @@ def test_nothing_is_said_where_all_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: None)
-    monkeypatch.setattr("contactwrench.cli.live_before.compile_now", lambda _: None)
+    monkeypatch.setattr("contactwrench.cli.live_terminal.compile_now", lambda _: None)
     calibration().save(tmp_path / "cal.json")
     with Sri(Plain()) as box, Rsi(Plain(), ("127.0.0.1", free_port())) as robot:
         arguments = ("--sensor", box.uri, "--robot", robot.uri, "-c", tmp_path / "cal.json", "--events", "--no-page")

@@ -18,8 +18,7 @@ import contactwrench as cw
 from contactwrench.calibration.findings import Finding, Kind
 from contactwrench.errors import InputError
 from contactwrench.report.export.exported import TARGETS, exported
-from contactwrench.report.export.target import Setup
-from contactwrench.report.export.tool import largest_error, number, roll_pitch_yaw
+from contactwrench.report.export.target import Setup, largest_error, number, roll_pitch_yaw
 from tests.support.calibrations import exact_calibration
 from tests.support.exports import unwrapped
 from tests.support.recordings import PANDA, rx, ry, rz

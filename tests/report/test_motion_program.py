@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactwrench.assess import motion_design
+from contactwrench.assess import plan_motion as motion_design
 from contactwrench.assess.plan_motion import STOP, DynamicPlan, plan_motion
 from contactwrench.assess.robot_arms import ARMS
 from contactwrench.geometry.arrays import Array

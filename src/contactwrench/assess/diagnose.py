@@ -276,9 +276,7 @@ def _in_likeliest_unit(file: Interpretations, best: Explanation) -> Explanation:
 def _alike(
     file: Interpretations, screening: Screened, best: Explanation, fits: list[Explanation]
 ) -> list[Interpretation]:
-    """The interpretations that free air cannot tell from the best, the likelier first: those of its class, of
-    which nothing else is left, and those that chance may have put behind it.
-    """
+    """Those that free air cannot tell from the best, the likelier first: of its class, or behind it by chance."""
     own = best.interpretation
     alike = [fit.interpretation for fit in fits if not _decisively_better(best, fit)]
     other_unit = own.torque_factor != 1.0

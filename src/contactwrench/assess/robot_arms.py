@@ -1,8 +1,7 @@
 """Robot arms as far as they turn and carry a sensor: where the flange is, and which orientations the wrist reaches.
 
-Gravity does not notice where the flange is, so arms that differ in length alone have one wrist; in motion the sensor
-feels how it is accelerated. The flange is the one of the maker's controller, z out of it; the base
-too (on ROS, `base_link` of the Universal Robots arms is turned by half a turn about z against it).
+Flange, z out of it, and base are those of the maker's controller (on ROS, `base_link` of the Universal Robots arms is
+turned by half a turn about z).
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""Is a calibration still right? A second, contact-free recording against it; and weighing known loads.
+"""Is a calibration still right? A second, contact-free recording against it; and weighing known loads (Table IX).
 
-The residual of a pose has the covariance of its reading's noise plus that of the prediction, which all poses share;
-so the test is one chi-square over all of them (an F test where the noise itself was estimated). With loads hung on
-the tool, the contact force along "down" is a weighing: the paper's Table IX.
-
-`compare` has beside it what people do without this package, gravity alone or a tare in one pose: Tables VI to VIII.
+A pose's residual has the covariance of its reading's noise plus that of the prediction, which all poses share: one
+chi-square tests them. `compare` has beside it what people do without this package: Tables VI to VIII.
 """
 
 from __future__ import annotations

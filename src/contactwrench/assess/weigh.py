@@ -1,11 +1,8 @@
-"""Mass and centre of mass of an object that the tool holds, from one or more poses.
+"""Mass and centre of mass of an object that the tool holds, from one or more poses (docs/weighing.md).
 
-What is left of a reading after compensation is the object's own gravity, `[m g u; c x m g u]` with u the unit "down" in
-sensor axes: linear in the mass m and in the first moment p = m c. Every pose shares the calibration's errors; they turn
-u as well. So m and p are estimated together with those errors, for which the calibration's covariance is the prior: the
-generalised least squares of all readings, at a cost that grows with the number of poses only.
-
-Turning the tool about gravity shows nothing new, and with gravity along one line p is known across that line only.
+What is left after compensation is the object's own gravity, `[m g u; c x m g u]` with u the unit "down" in sensor axes:
+linear in the mass m and in the first moment p = m c, estimated together with the calibration's errors, which all poses
+share, and for which its covariance is the prior.
 """
 
 from __future__ import annotations

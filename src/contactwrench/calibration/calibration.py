@@ -13,13 +13,12 @@ from ..errors import InputError
 from ..geometry.arrays import Array, number
 from ..geometry.orientation import OrientationLike, rotation_matrices
 from ..geometry.wrench import unit_direction
-from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange, horizontal_axes
+from ..model import GRAVITY, MOUNT, Step, free_wrench, gravity_in_flange, horizontal_axes, stepper
 from ..samples.flange_motion import FlangeMotion
 from ..subtract import compensate
 from .difference import Difference, difference
 from .dynamics import elements, require_same_place
 from .fields import INTERVALS, CalibrationFields
-from .stepper import Step, stepper
 from .text import describe, flowed
 
 

@@ -1,16 +1,15 @@
 """What changed between two calibrations: each parameter with its standard deviation, and jointly, cause by cause.
 
-The parameters of one calibration correlate, so a change of the tool shows a little in all of them. What a cause moves
-(the tool: weight and com; drift: the bias; a sensor that slipped: the mounting; the stand: gravity) is therefore tested
-as a whole, with the covariance that is left to it whatever the other parameters do: a tool that changed is not read as
-drift. What a motion told (inertia, and where the sensor is) counts with the degrees of freedom of the stops, fewer than
-it has.
+The parameters of one calibration correlate, so what a cause moves (the tool: weight and com; drift: the bias; a sensor
+that slipped: the mounting; the stand: gravity) is tested as a whole, with the covariance that is left to it whatever
+the other parameters do. What a motion told counts with the degrees of freedom of the stops, fewer than it has.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
@@ -164,8 +163,7 @@ def _turn_of_gravity(a: CalibrationFields, b: CalibrationFields) -> Array:
     return across * (angle / sine if sine > 0.0 else 1.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
+class _Part(NamedTuple):
     """A group's change (k,), and how it follows the errors of either calibration's parameters (with an `affine` one, of
     either's B; where both know an inertia, of what a motion told too): `of_a` (k, p), `of_b` (k, q).
     """
@@ -241,13 +239,8 @@ def _tested(a: CalibrationFields, b: CalibrationFields) -> tuple[GroupChange, ..
     covariance_a, covariance_b = (c.covariance if rigid else c.B_covariance for c in (a, b))
     if a.dynamics is not None and b.dynamics is not None:
         covariance_a, covariance_b = a.dynamics.with_covariance(a.covariance), b.dynamics.with_covariance(b.covariance)
-    everything = _Part(
-        "all",
-        tuple(name for part in each for name in part.parameters),
-        np.concatenate([part.change for part in each]),
-        np.vstack([part.of_a for part in each]),
-        np.vstack([part.of_b for part in each]),
-    )
+    _, parameters, change, of_a, of_b = zip(*each, strict=True)
+    everything = _Part("all", sum(parameters, ()), np.concatenate(change), np.vstack(of_a), np.vstack(of_b))
     groups = []
     for part in (*each, everything):
         from_a = part.of_a @ covariance_a @ part.of_a.T
@@ -273,9 +266,7 @@ def _dof_behind(c: CalibrationFields, part: Array) -> float:
 
 
 def _dof_of_sum(from_a: Array, from_b: Array, dof_a: float, dof_b: float) -> float:
-    """Degrees of freedom behind the sum of two estimated covariances (Welch, 1947), by their mean shares in the
-    variances; 0 where neither was estimated.
-    """
+    """Degrees of freedom behind the sum of two estimated covariances (Welch, 1947); 0 where neither was estimated."""
     total = np.diag(from_a + from_b)
     known = total > 0.0
     if not known.any():

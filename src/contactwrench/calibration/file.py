@@ -156,9 +156,7 @@ def _whole_path(message: str) -> str:
 
 
 def _with_findings(values: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
-    """A file from before findings, and so before the verdict, has their texts only, in which the word "weak" at the
-    beginning said how bad one is; nothing else in it does, and nothing says of what kind.
-    """
+    """A file from before findings has their texts only; "weak" at the beginning says how bad one is."""
     if "findings" in values:
         return values
     severity = {text: Severity.WEAK if text.startswith("weak") else Severity.WARNING for text in warnings}

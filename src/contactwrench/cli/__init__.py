@@ -1,1 +1,1 @@
-"""The command line: one file a verb, argument parsing only; each verb calls one function."""
+"""The command line: parsing and printing only; each verb calls what computes."""

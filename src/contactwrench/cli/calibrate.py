@@ -155,9 +155,7 @@ def calibrate(
 def _shared_names(
     files: tuple[Path, ...], shared: str | None, model: str, known: list[str], of_one_file: dict[str, Path | None]
 ) -> tuple[str, ...]:
-    """What --shared names; nothing for one file without it. Raises `InputError`, and typer's error for options that do
-    not go together, by name.
-    """
+    """What --shared names, nothing for one file without it. Raises errors for options that do not go together."""
     if shared is None:
         if len(files) > 1:
             raise typer.BadParameter(f"found {len(files)} files, expected one, or --shared mount,gravity")

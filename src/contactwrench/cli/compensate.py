@@ -13,8 +13,8 @@ from ..files import STDOUT
 from ..geometry.ranges import CUTOFF, DELAY, DURATION, POINT, WALK, G
 from . import options
 from .outputs import NAMES_FOLDER, Writes
-from .progress import progress
 from .recordings import Recordings, with_reading_options
+from .streams import progress
 
 if TYPE_CHECKING:
     from ..calibration.calibration import Calibration

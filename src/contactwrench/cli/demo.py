@@ -119,8 +119,6 @@ def _paper(samples: Samples) -> Section:
 
 
 def _least_weight(samples: Samples) -> float:
-    """The least weight (N) that the forces of poses 1 and 3 allow: they differ by 2 G sin(phi / 2) at most, with phi
-    the angle between the two directions of gravity, whatever mounting and bias are.
-    """
+    """The least weight (N) that poses 1 and 3 allow: forces differ by 2 G sin(phi / 2) at most, phi between downs."""
     r = gravity_in_flange(samples.R_base_flange, np.array([0.0, 0.0, -1.0]))
     return float(np.linalg.norm(samples.wrench[0, :3] - samples.wrench[2, :3]) / np.linalg.norm(r[0] - r[2]))

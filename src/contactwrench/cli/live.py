@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..live.pump import Pump, Reader
     from ..live.source import About, Source
     from ..live.wizard import Wish
-    from .live_before import Before
+    from .live_terminal import Before
 
 WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-5
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
@@ -96,8 +96,8 @@ def live(
     from ..live.sink import open_sink
     from ..live.sinks.recorder import Recorder
     from ..live.uri import parsed, sink_of
-    from .live_before import LOADED, Before, say
-    from .live_lab import Hands
+    from .lab import Hands
+    from .live_terminal import LOADED, Before, say
 
     refuse(
         (not (page or wizard or calibration), "found --no-page and no calibration, expected -c CAL.json, or --wizard"),
@@ -242,8 +242,7 @@ def _saving(output: Path | None, sensor: About, robot: About, force: bool) -> Ca
 
 def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool, end: str) -> None:
     """Run until Ctrl-C, a signal, or the end of a recording that no page shows; then end in order, by that signal."""
-    from .live_before import settle
-    from .live_terminal import Terminal
+    from .live_terminal import Terminal, settle
 
     with caught() as came:
         guide = None if terminal is None else Terminal(terminal)

@@ -1,18 +1,151 @@
-"""The wizard in a terminal: what is asked for, line by line; Enter goes on, a word is a command."""
+"""A live session on a terminal: what it waits for before it begins, as a program that only waits looks hung, and the
+wizard, line by line; Enter goes on, a word is a command.
+"""
 
 from __future__ import annotations
 
+import gc
 import sys
-from threading import Thread
-from typing import TYPE_CHECKING
+import time
+from collections.abc import Callable, Iterable, Mapping
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
+import typer
 
+from ..errors import has_compiler
 from ..live.snapshot import Command, Phase, Snapshot
+from ..live.snapshot import Event as Said
+from ..live.source import now
 from . import options
 
 if TYPE_CHECKING:
-    from ..live.page import Hub
+    from ..live.page import Hub, Server
+    from ..live.pump import Reader
+    from ..live.source import Source
+
+COMPILES = "the step is compiled, once on this machine, which takes up to two minutes; the session begins then"
+LOADED = 2.0
+"""s in which a step that was compiled before is there: where that takes longer the devices are looked at meanwhile, as
+what is wrong with them is to be said at once.
+"""
+EVERY = 1.0
+"""s from one snapshot to the next: a page that gets none for 1.5 s says that the program says nothing."""
+
+
+def say(as_json: bool, in_words: bool, said: Said) -> None:
+    """Print an event, as a line of JSON and in words on stderr."""
+    if as_json:
+        typer.echo(options.visible_lines(msgspec.json.encode(said).decode()))
+        sys.stdout.flush()
+    if in_words:
+        where = f"{said.device}: " if said.device and not said.text.startswith(said.device) else ""
+        when = time.strftime("%H:%M:%S", time.localtime(said.t))
+        options.say(f"{when}  {'' if said.severity == 'note' else said.severity + ': '}{where}{said.text}", err=True)
+
+
+def compile_now(aside: Callable[[], None] | None) -> None:
+    """Compile the step, where there is a compiler, after `aside`."""
+    from ..compensate.runner import compiled
+
+    if aside is not None:
+        aside()
+    if has_compiler():
+        compiled()
+        settle()
+
+
+def settle() -> None:
+    """Leave what was imported alone: looking it through for garbage stops all threads for a tenth of a second."""
+    gc.collect()
+    gc.freeze()
+
+
+class Before:
+    """Until the session begins, in a `with` block that ends with it: whether events are `printed`, as JSON, in words;
+    `devices` by role; the page's `hub`, and what serves it, if any; what lets a thread run behind others, if anything.
+    """
+
+    def __init__(
+        self,
+        printed: tuple[bool, bool],
+        devices: Mapping[str, Source],
+        hub: Hub,
+        serve: Callable[[], Server] | None,
+        aside: Callable[[], None] | None,
+    ) -> None:
+        self._printed, self._devices, self._hub, self._served_by = printed, devices, hub, serve
+        self._told: list[Said] = []
+        self._server: Server | None = None
+        self._is_told, self._begun = False, Event()
+        self._compiles = Thread(target=lambda: compile_now(aside), name="compiles", daemon=True)
+        self._snapshots = Thread(target=self._publish, name="before a session", daemon=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop_publishing()
+        if self._server is not None:
+            self._server.close()
+
+    def compile(self, seconds: float) -> None:
+        """Begin to compile the step, and wait for so many s; say it where that is not enough, and is waited for."""
+        self._compiles.start()
+        self._compiles.join(seconds)
+        if seconds and self._compiles.is_alive():
+            self.tell("compiling", COMPILES, on_terminal=False)
+
+    def wait_until_compiled(self) -> None:
+        """Wait until the step is compiled, where that was begun."""
+        if self._compiles.ident is not None:
+            self._compiles.join()
+
+    def tell(self, kind: str, text: str, device: str = "", *, on_terminal: bool = True) -> None:
+        """Say what is waited for; `on_terminal`: there too, as nobody else says it."""
+        as_json, in_words = self._printed
+        self._told.append(said := Said(now(), kind, "note", text, device))
+        say(as_json, in_words and (on_terminal or not sys.stderr.isatty()), said)
+        self.serve()
+        self._tell_place()
+        if self._server is not None and not self._snapshots.is_alive():
+            self._snapshots.start()
+
+    def serve(self) -> None:
+        """Serve the page, where there is one."""
+        if self._served_by is not None and self._server is None:
+            self._server = self._served_by()
+
+    def _tell_place(self) -> None:
+        """Say where the page is, once."""
+        if self._server is not None and not self._is_told:
+            self._is_told = True
+            options.say(f"Open {self._server.url}")
+            sys.stdout.flush()
+
+    def end(self, readers: Iterable[Reader]) -> None:
+        """The session begins, and is what is shown; what its readers took while something was said is old."""
+        self._stop_publishing()
+        self._tell_place()
+        for reader in readers if self._told else ():
+            reader.forget()
+
+    def _stop_publishing(self) -> None:
+        self._begun.set()
+        if self._snapshots.ident is not None:
+            self._snapshots.join()
+
+    def _publish(self) -> None:
+        from ..live.session import Session
+
+        named: dict[str, Any] = {"robot": None, **{role: source.uri for role, source in self._devices.items()}}
+        session = Session(**named)
+        while not self._begun.is_set():
+            shown = msgspec.structs.replace(session.snapshot(now()), commands=(), events=tuple(self._told))
+            self._hub.publish(msgspec.json.encode(shown))
+            self._begun.wait(EVERY)
+
 
 WORDS = {Command.NEXT: "Enter: go on"}
 INERTIA = {None: "", True: " The tool's inertia is subtracted.", False: " The tool's inertia is not subtracted."}

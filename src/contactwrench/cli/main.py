@@ -11,30 +11,54 @@ import re
 import sys
 import traceback
 from itertools import pairwise
+from typing import Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from ..errors import BEFORE, ContactWrenchError, InputError, shortened, visible
 from ..version import __version__
+from .answers import devices, diagnose, diff, info, show, verify, weigh
 from .calibrate import calibrate
 from .compensate import compensate
 from .demo import demo
-from .devices import devices
-from .diagnose import diagnose
-from .diff import diff
 from .export import export
-from .help import Verb, Verbs
-from .info import info
 from .lab import lab
 from .live import live
 from .options import MOST_COLUMNS
 from .outputs import guarded
 from .plan import plan
-from .show import show
 from .simulate import simulate
 from .streams import open_streams
-from .verify import verify
-from .weigh import weigh
+
+ARGUMENTS, OWN = "Arguments", "Options"
+
+
+class Verb(TyperCommand):
+    """A verb whose options are in sections, each in that of its panel."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments and options."""
+        sections: dict[str, list[tuple[str, str]]] = {ARGUMENTS: [], OWN: []}
+        for parameter in self.get_params(ctx):
+            if record := parameter.get_help_record(ctx):
+                own = ARGUMENTS if parameter.param_type_name == "argument" else OWN
+                sections.setdefault(getattr(parameter, "rich_help_panel", None) or own, []).append(record)
+        for title, records in sections.items():
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+
+class Verbs(TyperGroup):
+    """The program, whose verbs are not cut off in mid-sentence."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write each verb with the first paragraph of its help."""
+        verbs = [(name, self.commands[name].help or "") for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, " ".join(help.split("\n\n")[0].split())) for name, help in verbs])
+
 
 BAD = 2
 NO_RECORDINGS = ("-o", "--output", "--report", "--out", "-c", "--calibration", "--prior")

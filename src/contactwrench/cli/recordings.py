@@ -19,7 +19,7 @@ from ..geometry.ranges import EPISODE, RATE, Range
 from ..recording.options import Options
 from ..samples.samples import Samples
 from . import options
-from .progress import progress
+from .streams import progress
 
 if TYPE_CHECKING:
     from ..calibration.calibration import Calibration

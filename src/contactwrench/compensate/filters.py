@@ -12,8 +12,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import CUTOFF
-from ..samples.synchronize import default_gap
-from ..samples.timestamps import SORTED_WITHIN
+from ..samples.timestamps import SORTED_WITHIN, default_gap
 from .state import OCTAVES_HELD, SECTIONS, Matrix, Row, kernel
 
 LAG = (1.0, 1.0, 1.414214, 2.0, 2.613126)

@@ -17,8 +17,7 @@ from ..calibration.dynamics import TERMS
 from ..geometry.arrays import Array
 from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
-from ..samples.synchronize import default_gap
-from ..samples.timestamps import spread_evenly
+from ..samples.timestamps import default_gap, spread_evenly
 
 WINDOW = 2.0
 """s."""

@@ -75,21 +75,11 @@ def calibrate_recordings(
     required_mass: tuple[float, float] | None,
     force: bool,
 ) -> Calibrated:
-    """Calibrate, save and report; calibrations of which one fits badly are not saved.
-
-    Args:
-        files: one recording, or with `shared` one of each tool.
-        read: gives the samples of a file.
-        shared: what the recordings have in common: mount, gravity; empty: they are one.
-        stated: the arguments of `calibrate`, or with `shared` of `calibrate_shared`, by their names.
-        output: the file of the calibration; with `shared` a folder; none for `-`, as stdout is the caller's.
-        report: a page about the calibration.
-        required: the most error to be expected of the contact force, N, and of the torque, N m, at a new orientation.
-        required_mass: kg, the least and the most; the mass is to lie inside by its std. Not for `affine`.
-        force: save bad fits too, though never in place of a file that is there.
-
-    Raises:
-        ContactWrenchError: as reading, fitting and writing raise it.
+    """Calibrate one recording, or one of each tool where they have something `shared` (mount, gravity), save it to the
+    `output`, then a folder, and write a `report`. Where one fits badly none is saved without `force`, and with it never
+    in place of a file that is there. `read` gives the samples of a file, `stated` are the arguments of `calibrate` or
+    `calibrate_shared`; `required`: the most error of force, N, and torque, N m, to be expected at a new orientation,
+    and between which two masses, kg, the mass is to lie by its std. Raises as reading, fitting and writing do.
     """
     paths = output_files(files, output, bool(shared))
     recordings = [read(file) for file in files]
@@ -180,9 +170,7 @@ def _joined(missed: tuple[str, str]) -> str:
 
 
 def _bad_fit(c: Calibration) -> list[str]:
-    """Why a fit is bad: what was stated beside the readings, or recorded with them, and contradicts them comes before a
-    file that is read wrongly; which it may be all the same.
-    """
+    """Why a fit is bad: what was stated or recorded beside the readings comes before a file that is read wrongly."""
     of_kind = {finding.kind: finding for finding in reversed(c.findings)}
     if not (poor := of_kind.get(Kind.POOR_FIT)):
         return []

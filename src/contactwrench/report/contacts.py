@@ -91,18 +91,10 @@ def compensate_recording(
     *,
     accept_damaged: bool = False,
 ) -> tuple[list[str], list[str]]:
-    """Compensate a recording and write what comes out; gives what to say: what was found and written, and notes on how.
-
-    Args:
-        path: the recording, and how it is written in `options`.
-        treatment: what is to be done beside subtracting weight and bias.
-        output: the contact wrenches: a table, a copy of the bag, or `-`, CSV on stdout.
-        report: a page about every contact, which `treatment` must have judged.
-        episodes: of a set of which every recording is compensated by itself.
-        accept_damaged: of a set, leave out those that cannot be compensated.
-
-    Raises:
-        ContactWrenchError: as reading, pairing, compensating and writing raise it.
+    """Compensate a recording, of a set each of its `episodes` by itself, and write what comes out to `output`: a table,
+    a copy of the bag, or `-`, CSV on stdout; and a `report` about every contact, which the treatment must have judged.
+    `accept_damaged`: of a set, leave out what cannot be compensated. Gives what to say: what was found and written, and
+    notes on how. Raises as reading, pairing, compensating and writing do.
     """
     notes: list[str] = []
     log = ContactLog()
@@ -128,12 +120,9 @@ def compensate_recording(
 def _write(
     output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str, note: Tell
 ) -> str | None:
-    """Write what `compensated` makes of a recording, batch by batch, in the axes `output_frame`; the topic in which a
-    bag has it. Of a whole set the options are those of one of its recordings.
-
-    `output` `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the bag
-    with the contact wrench beside each reading; `note` is told what that of a damaged one lacks. Raises
-    `ContactWrenchError` as the writers do.
+    """Write the batches of a recording, in the axes `output_frame`: `-` is a table on stdout; a bag's suffix, or none
+    where the recording is a folder, a copy of the bag. Gives the topic in which that has it; `note` is told what a
+    damaged one lacks.
     """
     like_folder = os.path.isdir(path) and not output.suffix and str(output) != STDOUT
     if read_as_bag(path, options) and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):

@@ -13,7 +13,7 @@ from ..errors import visible
 from ..estimation.plausibility import REVERSED
 from ..geometry.arrays import Array
 from ..statistics import two_digits
-from .text import json_text
+from .text import json_text, named
 
 LIKELY_CAUSES = (
     "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the recording, "
@@ -100,17 +100,12 @@ def diagnosis_json(diagnosis: Diagnosis) -> str:
         "verdict": verdict(d),
         "read_rightly": d.read_rightly,
         "explained": d.best.explained,
-        "source": d.source,
-        "model": d.model,
-        "n": d.n,
-        "tried": d.tried,
-        "complaint": d.complaint,
+        **named(d, "source model n tried complaint"),
         "given": None if d.given is None else _explanation(d.given),
         "best": _explanation(d.best),
         "ranked": [_explanation(fit) for fit in d.ranked],
         "alike": [_options_and_mends(interpretation) for interpretation in d.alike],
-        "likely": d.likely,
-        "observations": d.observations,
+        **named(d, "likely observations"),
         "plausible": not d.best.odd,
         "unseen": [vars(each) for each in d.unseen],
     }
@@ -122,8 +117,7 @@ def _options_and_mends(of: Interpretation) -> dict[str, Any]:
 
 
 def _explanation(fit: Explanation) -> dict[str, Any]:
-    numbers = ("force_left", "torque_left", "weight", "com", "lean", "odds")
-    return {**_options_and_mends(fit.interpretation), **{name: getattr(fit, name) for name in numbers}}
+    return {**_options_and_mends(fit.interpretation), **named(fit, "force_left torque_left weight com lean odds")}
 
 
 def _beside(numbers: str, label: str) -> list[str]:

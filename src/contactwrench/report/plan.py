@@ -14,7 +14,7 @@ from ..geometry.arrays import Array
 from ..geometry.orientation import to_quat_xyzw
 from ..model import gravity_in_flange
 from ..statistics import counted
-from .text import json_text
+from .text import json_text, named
 
 MUCH_WORSE = 1.05
 """Of the std that a plan without a robot reaches: more than this, and the arm's limits are said to cost it."""
@@ -135,17 +135,14 @@ def plan_json(plan: Plan) -> str:
                 }
                 for k, quat_xyzw in enumerate(to_quat_xyzw(plan.R_base_flange, canonical=True))
             ],
-            "before": plan.before,
-            "after": plan.after,
-            "anywhere": plan.anywhere,
+            **named(plan, "before after anywhere"),
         }
     )
 
 
 def _expected_json(expected: Expected) -> dict[str, object]:
     """Tool and noise that are planned for, and where they are from."""
-    tool = {"weight": expected.tool.weight, "com": expected.tool.com, "noise": expected.noise}
-    return {**tool, "fitted_to": expected.fitted_to, "refusal": expected.refusal}
+    return {**named(expected.tool, "weight com"), **named(expected, "noise fitted_to refusal")}
 
 
 def dynamic_plan_text(plan: DynamicPlan) -> str:
@@ -194,13 +191,7 @@ def dynamic_plan_json(plan: DynamicPlan) -> str:
             "robot": {"arm": plan.arm.name, "around": motion.start},
             "duration": plan.duration,
             "stops": {"joints": plan.stops.joints, "seconds": STOP, "moves": plan.moves, "after": plan.stops.after},
-            "motion": {
-                "frequency": motion.frequency,
-                "periods": motion.periods,
-                "duration": motion.duration,
-                "sine": motion.sine,
-                "cosine": motion.cosine,
-            },
+            "motion": named(motion, "frequency periods duration sine cosine"),
             "largest": plan.largest,
             "reading": {"noise": plan.stops.expected.in_motion, "per_second": READINGS},
             "std": dict(zip(DYNAMIC_PARAMETERS, plan.std.tolist(), strict=True)),

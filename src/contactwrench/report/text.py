@@ -14,7 +14,7 @@ import numpy as np
 
 from ..assess.verify import Verification
 from ..assess.weigh import REFUSALS, HeldObject
-from ..calibration.difference import Difference, GroupChange
+from ..calibration.difference import Difference
 from ..calibration.findings import Severity
 from ..errors import visible
 from ..geometry.arrays import Array
@@ -30,6 +30,11 @@ NOTABLE_CLOCK = 0.5
 """s by which stamps in headers may differ from the bag's own before it is said."""
 MOST_FRAMES, MOST_EPISODES = 60, 10
 _MILLI = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
+
+
+def named(of: object, names: str) -> dict[str, Any]:
+    """Attributes by their names, with blanks between, in that order."""
+    return {name: getattr(of, name) for name in names.split()}
 
 
 def json_text(values: Any) -> str:
@@ -130,7 +135,7 @@ def _triple(values: Array, digits: int) -> str:
 
 def held_object_json(held: HeldObject) -> str:
     """The fields of `HeldObject` under their names, `com_std`, `warnings`, `refused`; null where one is not known."""
-    return json_text({**vars(held), **{name: getattr(held, name) for name in ("com_std", "warnings", "refused")}})
+    return json_text({**vars(held), **named(held, "com_std warnings refused")})
 
 
 def difference_text(change: Difference) -> str:
@@ -163,26 +168,19 @@ def difference_json(change: Difference) -> str:
     """`change`, `std` and `in_std` by parameter, `free_wrench`, `mounting_angle`, `gravity_angle`, `inertia_known` of
     each, `significant`, the joint test of each group, and the `meaning` in words.
     """
-    return json_text(
-        {
-            "change": dict(zip(change.names, change.change.tolist(), strict=True)),
-            "std": dict(zip(change.names, change.std.tolist(), strict=True)),
-            "units": dict(zip(change.names, change.units, strict=True)),
-            "free_wrench": change.free_wrench,
-            "mounting_angle": change.mounting_angle,
-            "gravity_angle": change.gravity_angle,
-            "inertia_known": change.inertia_known,
-            "significant": change.significant,
-            "in_std": dict(zip(change.names, change.in_std.tolist(), strict=True)),
-            "groups": {group.name: {"parameters": group.parameters, **_test(group)} for group in change.groups},
-            "meaning": change.meaning,
+    whole = "free_wrench mounting_angle gravity_angle inertia_known significant in_std groups meaning"
+    values = named(change, f"change std units {whole}")
+    for name in ("change", "std", "units", "in_std"):
+        values[name] = dict(zip(change.names, np.asarray(values[name]).tolist(), strict=True))
+    values["groups"] = {
+        group.name: {
+            "parameters": group.parameters,
+            **named(group.test, "chi2 dof probability"),
+            "significant": group.significant,
         }
-    )
-
-
-def _test(group: GroupChange) -> dict[str, Any]:
-    test = group.test
-    return {"chi2": test.chi2, "dof": test.dof, "probability": test.probability, "significant": group.significant}
+        for group in change.groups
+    }
+    return json_text(values)
 
 
 def contents_text(contents: BagContents | TableContents) -> str:

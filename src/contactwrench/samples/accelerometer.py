@@ -2,11 +2,9 @@
 
     y = M f + b + c t,   f = a - g R_base_flange^T d        specific force, flange axes
 
-At rest f is gravity alone, which the arm turns. So M (3, 3), scale and axes of the instrument, b, and how it drifts as
-the instrument warms, follow from the poses, in whatever unit and however it was screwed on; then the acceleration of
-its own place follows from its readings. Nothing else says where that place is: what is measured from it, as the
-sensor's origin, counts from there. By how much it is stamped later than the wrench shows in what both feel, the shaking
-of drives above all.
+At rest f is gravity alone, so M (3, 3), scale and axes in whatever unit, b, and how it drifts follow from the poses;
+then the acceleration of its own place, wherever that is: the sensor's origin counts from there. By how much it is
+stamped later than the wrench shows in what both feel, the shaking of drives above all.
 """
 
 from __future__ import annotations
@@ -20,8 +18,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Matrix, Rows, Vector, column, shaped
 from ..geometry.rotations import procrustes, rotation_vectors
 from .samples import Samples
-from .synchronize import default_gap
-from .timestamps import spread_evenly
+from .timestamps import default_gap, spread_evenly
 
 BLOCK = 0.1
 """s, over which readings are averaged."""
@@ -132,14 +129,8 @@ def with_accelerometer(samples: Samples, stream: AccelerometerStream) -> Samples
 
 def mounted_accelerometer(samples: Samples, gravity: Array) -> tuple[Accelerometer, Array]:
     """How the accelerometer of samples with times sits, from means over 0.1 s; those in motion count little. And the
-    covariance (4, 4) of each row `[E, e]`, by which a specific force f is found as f + E f + e.
-
-    Args:
-        samples: with its readings.
-        gravity: (3,) m/s^2, base axes.
-
-    Raises:
-        InputError: it did not read, it does not turn with gravity, or gravity turns too little in it.
+    covariance (4, 4) of each row `[E, e]`, by which a specific force f is found as f + E f + e. `gravity` (3,) m/s^2,
+    base axes. Raises `InputError` where it did not read, does not turn with gravity, or gravity turns too little in it.
     """
     specific_force, reading, off, scatter, time = _means(samples, gravity)
     columns = np.column_stack([specific_force, np.ones(len(time)), time])
@@ -171,12 +162,8 @@ def mounted_accelerometer(samples: Samples, gravity: Array) -> tuple[Acceleromet
 
 
 def _covariance(columns: Array, residual: Array, weight: Array) -> Array:
-    """Of a row `[E, e]`, as `mounted_accelerometer` has it. Means of the same seconds are off alike, as by a pose.
-
-    Args:
-        columns: of means (k, 5), as in `_fitted`.
-        residual: by which each is off (k, 3), m/s^2.
-        weight: that it had (k,), s^4/m^2.
+    """Of a row `[E, e]`, as `mounted_accelerometer` has it, from the columns (k, 5) of `_fitted`, what is left of each
+    mean (k, 3), m/s^2, and its weight (k,). Means of the same seconds are off alike, as by a pose.
     """
     first = np.arange(0, len(weight), ALIKE)
     weighted = weight[:, None] * np.column_stack([np.ones(len(weight)), residual, columns])

@@ -83,14 +83,8 @@ class Buffer:
 
 
 def with_batch(before: Buffer | None, batch: Streams) -> Buffer:
-    """What waits when a batch has come.
-
-    Args:
-        before: what waited; None: this is the recording's first batch.
-        batch: the rows that come; of orientations with the same stamp the last one counts.
-
-    Raises:
-        InputError: stamps that cannot be put in order, or positions in some batches only.
+    """What waits when a batch has come; `before`: what waited, None before the first. Of orientations with the same
+    stamp the last one counts. Raises `InputError` for stamps that cannot be put in order, or positions in some batches.
     """
     wrench, orientation = batch.wrench, batch.orientation
     row = np.arange(len(wrench), dtype=np.intp) + (0 if before is None else before.wrench_stamps.rows)
@@ -138,15 +132,9 @@ class Nodes:
 
 
 def nodes_of(buffer: Buffer, longest_gap: float, is_last: bool) -> Nodes:
-    """All orientations that are in order, less the repetitions of poses that were held.
-
-    A pose that comes again and again until the next one was held for that time: it is where it came first, and taken
-    for the others the arm would be half of that time late.
-
-    Args:
-        buffer: the rows that wait.
-        longest_gap: time between two orientations that is no gap, s.
-        is_last: whether no more rows will come.
+    """All orientations that are in order, less the repetitions of poses that were held: a pose that comes again and
+    again until the next one, in less than the `longest_gap` s, is where it came first, and taken for the others the arm
+    would be half of that time late. `is_last`: no more rows will come.
     """
     count = len(buffer.orientations)
     if not is_last:

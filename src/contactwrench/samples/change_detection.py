@@ -1,8 +1,7 @@
 """Where values in noise stay at one level: the noise of their means by length, and the segments between their changes.
 
 Two neighbouring windows whose means differ by more than their noise are a change; what changes more slowly is looked
-for with windows twice as long, and so on. The noise of an orientation is white beyond a window; that of a reading is
-not, and is taken at every length from the recording's own stops (method, "Still segments").
+for with windows twice as long, and so on (method, "Still segments").
 """
 
 from __future__ import annotations
@@ -235,9 +234,7 @@ def is_steady(values: Array, noise: NoiseOfMeans) -> bool:
 
 
 def _settled_after(values: Array, noise: NoiseOfMeans) -> int:
-    """How many blocks at the beginning are not yet at the level of those that follow: the beginning of a movement, the
-    tail of a filter.
-    """
+    """How many blocks at the beginning are not yet at the level that follows: a movement begins, a tail ends."""
     n = len(values)
     off = np.zeros(n + 1, dtype=bool)
     least = noise.least if noise.joint else 0.0 * noise.least  # an axis that counts alone may not be off at all

@@ -16,8 +16,8 @@ from .bursts import Even
 from .delay_fit import GRID, DelayFit, Scan, fitted, scans, standard_deviation
 from .motion import ArmMotion, arm_motion
 from .samples import OrientationStream, Samples, Streams, WrenchStream
-from .synchronize import default_gap, synchronize
-from .timestamps import require_common_span, require_times
+from .synchronize import synchronize
+from .timestamps import default_gap, require_common_span, require_times
 
 DOWN = (0.0, 0.0, -1.0)
 SIGNIFICANT = 3.0

@@ -1,9 +1,7 @@
 """The delay that lets a rigid tool explain the most of a moving recording, and how far off it may be.
 
-At a given delay the wrench is linear: bias, gravity in flange axes, accelerations, with free coefficients for each of
-the six axes (variable projection: Golub and Pereyra, 1973). Left are the delay and the two angles of a base that does
-not stand as stated, found by Gauss-Newton steps. The noise of the axes comes from the residuals, and readings far
-outside it (contacts) count less.
+At a given delay the wrench is linear in bias, gravity and accelerations (variable projection: Golub and Pereyra, 1973);
+left are the delay and two angles of a base that does not stand as stated, found by Gauss-Newton steps.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""How the flange moves, from recorded poses: velocities and accelerations by smoothing differentiation; the latter from
-an accelerometer where there is one.
+"""How the flange moves, from recorded poses or an accelerometer: velocities and accelerations, differentiated smoothly.
 
-Rotation vectors from each orientation to the next, summed, are a path whose derivative is the angular velocity in
-flange axes. Path and position are differentiated by one symmetric filter, flat up to a bandwidth: below it the arm
-moves, above it there is nothing but the noise of the poses, which grows with the square of the frequency. Nothing is
-delayed.
+The path, rotation vectors from each orientation to the next, summed, and the position are differentiated by one filter
+that delays nothing, flat up to a bandwidth: above it there is nothing but the noise of the poses.
 """
 
 from __future__ import annotations
@@ -21,8 +18,7 @@ from ..geometry.wrench import cross_matrix
 from .accelerometer import Accelerometer
 from .motion import PRODUCTS
 from .samples import Samples
-from .synchronize import default_gap
-from .timestamps import spread_evenly
+from .timestamps import default_gap, spread_evenly
 
 ROLL_OFF = 1.0
 """Of the bandwidth, above it: there the filter's gain falls to zero."""

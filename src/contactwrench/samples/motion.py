@@ -145,9 +145,7 @@ def _state(t: Array, R: Array, position: Array | None) -> Array:
 
 
 def _derivative(middle: Array, rate: Array) -> Array:
-    """The derivative at the nodes of a `rate` that is known in the `middle` of the steps between them; at both ends
-    that of the nodes next to them.
-    """
+    """At the nodes, of a `rate` known in the `middle` of the steps between; at both ends that of the next node."""
     if len(middle) < 2:
         return np.zeros((len(rate) + 1, rate.shape[1]))
     within = np.diff(rate, axis=0) / np.diff(middle)[:, None]

@@ -1,8 +1,7 @@
 """The poses of any recording: of a table of poses its rows, of a stream its still segments.
 
-A stream was recorded all the way, a table of poses where the arm stood. The times decide: a stream has rows, several a
-second, while the arm turns from one orientation to the next, and so more of its turning lies between rows that follow
-one another on the way than in jumps. Samples without times are a table.
+The times decide: a stream has rows, several a second, while the arm turns from one orientation to the next, so that
+more of its turning lies between rows that follow one another on the way than in jumps. Without times it is a table.
 """
 
 from __future__ import annotations
@@ -15,11 +14,10 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import angles_between, rotation_log
-from .creep import MOST_STOPS, Creep, Stop, creep_of
 from .poses import SAME_POSE_ANGLE, Pose, averaged, cells_of, label_orientations, mean_poses, nearly_equal, visits
 from .samples import SLOWEST, Samples
 from .slow_motion import poses_on_the_way
-from .still_noise import StillNoise, still_noise_of
+from .still_noise import MOST_STOPS, Creep, StillNoise, Stop, creep_of, still_noise_of
 from .still_segments import StillSegment, StillSegments, still_segments
 from .timestamps import counted_on
 
@@ -176,9 +174,7 @@ def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, .
 
 
 def _require_few(samples: Samples, some: Array) -> None:
-    """Raise `InputError` for a table of more orientations than anybody stops at, before they are averaged; `some`
-    (k, 3, 3) are those that are not nearly equal.
-    """
+    """Raise `InputError` for more orientations than anybody stops at, before any is averaged; `some` are distinct."""
     count = len(np.unique(cells_of(some, CELL)))
     if count > MOST_CELLS or (count > MOST_ON_THE_WAY and _follows_the_arm(samples.R_base_flange)):
         raise _too_many(samples, count)

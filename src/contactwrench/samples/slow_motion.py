@@ -1,8 +1,7 @@
 """Poses on the way of an arm that turns slowly: short parts of the motion, whose mean readings gravity explains.
 
-A tool that turns at a few degrees a second is as good as at rest, and its orientation is known at every row. What the
-wrench lags behind is found beside what depends linearly on the orientation, and so are the noise of the parts' means
-and their correlation: both are in the covariance, with the accelerations that nobody measured.
+At a few degrees a second a tool is as good as at rest. What the wrench lags behind, and the noise of the parts' means
+and their correlation, are found beside it, and are in the covariance.
 """
 
 from __future__ import annotations
@@ -77,11 +76,8 @@ class _Fit:
 def poses_on_the_way(samples: Samples, elsewhere: Sequence[slice]) -> tuple[tuple[Pose, ...], Array | None]:
     """Poses from where the arm turns slowly, at most `MOST_POSES`; none where it turns too fast or too little, or where
     gravity does not explain the readings. And what a standard deviation of the lag, one for all, makes of a reading, as
-    another tool or mounting would, too: [vec(R), 1] (10) times what is returned, (10, 6), N and N m.
-
-    Args:
-        samples: with times, rows in the order in which they were recorded.
-        elsewhere: rows that are not to be used: where the arm stands.
+    another tool or mounting would, too: [vec(R), 1] (10) times what is returned, (10, 6), N and N m. Rows `elsewhere`,
+    where the arm stands, are not used.
     """
     period, runs = blocks_of(samples)
     t = samples.t

@@ -1,8 +1,7 @@
 """Still segments of a recording: where the arm stands and the reading stays, and why the others are left out.
 
-A recording is cut where its times have a gap, and averaged over blocks of 20 ms. Where the arm stands, changes of the
-reading are looked for against the noise that means of each length have in this recording's own stops: what creeps as
-the others do is no change, and counts in the covariance of the mean (method, "Still segments").
+Changes of the reading are looked for against the noise that means of each length have in this recording's own stops:
+what creeps as the others do is no change, and counts in the covariance of the mean (method, "Still segments").
 """
 
 from __future__ import annotations
@@ -209,9 +208,7 @@ def _where_the_reading_stays(
 
 
 def _crept_after(wrench: Array, noise: NoiseOfMeans) -> int:
-    """How many blocks of a segment (n, 6) to leave where it moves: the earlier half where it moves slowly, no further
-    than a sensor creeps, and the later half less; else all.
-    """
+    """How many blocks of a segment that moves to leave: half where that moves as slowly as sensors creep, else all."""
     earlier, later = np.array_split(wrench, 2)
     moved = np.abs(later.mean(axis=0) - earlier.mean(axis=0)) if len(later) else np.inf
     creeps = bool(np.all(moved <= MOST_CREEP / ACCEPTED_TURN * noise.least)) and is_steady(later, noise)

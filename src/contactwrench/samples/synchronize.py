@@ -20,10 +20,8 @@ from ..statistics import counted
 from .buffer import Buffer, Nodes, Readings, nodes_at_pace, nodes_of, with_batch
 from .bursts import Even
 from .samples import ReadAs, Samples, Streams
-from .timestamps import notes_of, require_common_span, require_times
+from .timestamps import default_gap, notes_of, require_common_span, require_times
 
-LEAST_GAP, GAP_SPACINGS = 0.05, 5.0
-"""A gap is longer than this many s and longer than this many median spacings of the stream, where no limit is given."""
 LARGEST_TURN = np.pi / 2.0
 """Between two orientations: after more, which way round the arm went is a guess."""
 MOST_LEFT_OUT = 0.5
@@ -126,12 +124,6 @@ def synchronized(
     if before is not None:
         whole = pairing.with_batch(before, is_last=True)
         yield replace(whole, notes=(*even.notes, *whole.notes))
-
-
-def default_gap(t: Array) -> float:
-    """The longest time between two rows at `t` (n,), s, that is no gap."""
-    steps = np.diff(t)
-    return max(LEAST_GAP, GAP_SPACINGS * float(np.median(steps))) if len(steps) else LEAST_GAP
 
 
 class _Pairing:

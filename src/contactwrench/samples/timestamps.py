@@ -18,8 +18,8 @@ only where they are further off (ntpd: 0.128 s), and are slowed down until then.
 """
 FINEST = 1e-9
 """s from row to row: no recorder counts less."""
-GAP_IN_ROWS = 5.0
-"""Of an even stream: what takes longer is a gap."""
+LEAST_GAP, GAP_IN_ROWS = 0.05, 5.0
+"""s, and median steps of a stream: what takes longer than both is a gap."""
 PACED, FEWEST_AT_A_PACE = 1.0, 8
 """s, over which a pace is even, and stamps that tell one."""
 APART = 1.0
@@ -145,6 +145,12 @@ LEAST_COMMON = 0.1
 UNIX = 1e9
 """s: a clock that shows more counts from 1970 (this is 2001)."""
 UNITS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
+
+
+def default_gap(t: Array) -> float:
+    """The longest time between two rows at `t` (n,), s, that is no gap, where nobody states it."""
+    steps = np.diff(t)
+    return max(LEAST_GAP, GAP_IN_ROWS * float(np.median(steps))) if len(steps) else LEAST_GAP
 
 
 def spread_evenly(t: Array) -> Array:

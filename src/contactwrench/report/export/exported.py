@@ -17,11 +17,10 @@ from ...compensate.delay import delay_of
 from ...errors import InputError
 from ...statistics import meaningful_digits, three_digits, two_digits
 from ...version import __version__
-from . import code, research, robots, ros
-from .target import Parameters, Setup, Target
-from .tool import ROUNDING, largest_error
+from . import research, robots, ros
+from .target import ROUNDING, Parameters, Setup, Target, largest_error
 
-TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *robots.TARGETS, *code.TARGETS)}
+TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *robots.TARGETS, *research.LANGUAGES)}
 """Every format of parameters, by its name."""
 OF_THE_RECORDING = (
     "the bias is the sensor's in the recording: once the sensor, or its driver, is zeroed anew, it is another"
@@ -85,9 +84,7 @@ def exported(target: Target, calibration: Calibration, setup: Setup, source: str
 
 
 def _with_found_offset(c: Calibration, setup: Setup, target: Target) -> tuple[Setup, list[str]]:
-    """The setup with the sensor's place as the motion told it, where that is needed and nobody states it, and what is
-    to be said of that.
-    """
+    """The setup, with the sensor's place as the motion told it where nobody states it, and what is to be said."""
     d = c.dynamics
     told = d is not None and d.accelerometer is None and d.std[6:].max() < OFFSET_STD
     if d is None or not told or setup.sensor_offset is not None or "sensor_offset" not in target.uses:
@@ -172,9 +169,7 @@ def _other_readings(c: Calibration, parameters: Parameters) -> list[str]:
 
 
 def _loss(c: Calibration, parameters: Parameters) -> tuple[list[str], bool]:
-    """By how much the contact wrench is off with these parameters, nothing where it is not; and whether that is more
-    than the calibration's own uncertainty.
-    """
+    """By how much the contact wrench is off, nothing where it is not; and whether by more than its own std."""
     if parameters.B is None or parameters.gravity_direction is None:
         return [], False
     force, torque = largest_error(c, parameters.B, parameters.gravity_direction)

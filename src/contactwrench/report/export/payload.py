@@ -12,8 +12,7 @@ from ...errors import InputError
 from ...geometry.arrays import Array, Frozen, Matrix, Vector
 from ...geometry.wrench import cross_matrix
 from ...statistics import three_digits, two_digits
-from .target import Parameters, Setup
-from .tool import DOWN, ROUNDING, largest_error, rigid_tool
+from .target import DOWN, ROUNDING, Parameters, Setup, largest_error, rigid_tool
 
 OFFSET = "--sensor-offset X,Y,Z (its origin: drawing)"
 MASS = "--sensor-mass KG (with adapter; 0 inside the robot)"

@@ -11,8 +11,7 @@ from ...calibration.calibration import Calibration
 from ...geometry.arrays import Vector
 from ...geometry.orientation import to_quat_xyzw
 from .payload import Payload, fixed, payload_on_flange, principal_axes
-from .target import Parameters, Setup, Target, commented
-from .tool import roll_pitch_yaw
+from .target import Parameters, Setup, Target, commented, roll_pitch_yaw
 
 NEEDS = "--sensor-offset, --sensor-mass, --sensor-com"
 USES = ("sensor_offset", "sensor_mass", "sensor_com")

@@ -16,8 +16,7 @@ from ...assess.robot_arms import R_between
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Array
 from ...model import wrench_matrix
-from .target import NAME, Parameters, Setup, Target
-from .tool import DOWN, largest_error, mounting_remark, number, numbers, rigid_tool
+from .target import DOWN, NAME, Parameters, Setup, Target, largest_error, mounting_remark, number, numbers, rigid_tool
 
 NODE_GRAVITY = 9.81
 """m/s^2: the default of `gravity_in_reference_frame` of ft_tools_ros2."""
