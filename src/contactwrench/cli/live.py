@@ -94,7 +94,7 @@ def live(
     from ..live.running import Options
     from ..live.session import Session
     from ..live.sink import open_sink
-    from ..live.sinks.recorder import Recorder
+    from ..live.sinks.file import Recorder
     from ..live.uri import parsed, sink_of
     from .live_before import LOADED, Before, say
     from .live_lab import Hands

@@ -86,9 +86,9 @@ class GrowingText:
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb", buffering=AT_ONCE)
 
-    def add(self, lines: str) -> None:
+    def add(self, lines: Iterable[str]) -> None:
         """Whole lines."""
-        self._file.write(lines.encode())
+        self._file.write("".join(lines).encode())  # all of them, or none
 
     def write(self) -> None:
         """Write what was added."""
