@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 from abc import abstractmethod
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from select import select
@@ -29,11 +30,15 @@ def free_port() -> int:
 
 @dataclass(eq=False)
 class Client:
-    """Who has connected; what has come from there and is not yet understood; whether rows are wanted."""
+    """Who has connected; what has come from there and is not yet understood; whether rows are wanted, which fields of
+    them where that is `asked`, and of how many rows one.
+    """
 
     socket: socket.socket
     inbox: bytearray = field(default_factory=bytearray)
     wants_rows: bool = False
+    asked: Sequence[str] = ()
+    every: int = 1
 
 
 class TcpFake(Fake):

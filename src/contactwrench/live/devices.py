@@ -11,7 +11,7 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..model import AXES
-from .rate import Windows
+from .arrivals import Windows
 from .source import About, Batch, DeviceError, EndOfStreamError, NobodyYetError, Six, Source, now
 
 PROBE, COUNTED = (0.7, 0.2), 2

@@ -8,9 +8,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..samples.samples import LARGEST_READING
-from .bursts import Bursts, Waited
+from .arrivals import Bursts, Rate, Waited
 from .clock import LATE, Clock
-from .rate import Rate
 from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
 

@@ -22,8 +22,7 @@ from ..samples.samples import Samples
 from ..statistics import force_and_torque
 from .history import History
 from .intake import STREAMING, Intake
-from .pose_feed import NEEDED, PoseFeed
-from .pose_track import UNKNOWN
+from .pose_track import NEEDED, UNKNOWN, PoseFeed
 from .sink import Reading, Turn
 from .snapshot import Contact, Running
 from .source import About, Four, Sample, Six

@@ -22,7 +22,7 @@ SOURCES: Mapping[str, str] = {
     "ur": "sources.ur:Ur",
     "rsi": "sources.rsi:Rsi",
     "ft300": "sources.ft300:Ft300",
-    "robotiq": "sources.robotiq:Robotiq",
+    "robotiq": "sources.ft300:Robotiq",
     "bota": "sources.bota:Bota",
     "ros2": "sources.ros2:Ros2",
     "udp": "sources.lines:UdpLines",

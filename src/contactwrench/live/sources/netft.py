@@ -19,7 +19,7 @@ from ..uri import Uri
 from .datagrams import Udp
 from .reader import NOT_AGAIN, ZEROED, Reader
 
-PORT, HTTP_PORT = 49_152, 80
+HTTP_PORT = 80
 PAGE = "/netftapi2.xml"
 _request = Struct(">HHI").pack
 STOP, STREAM, ZERO = (_request(0x1234, command, 0) for command in (0, 2, 0x42))
@@ -45,13 +45,8 @@ AGAIN = 1.0
 
 
 class NetFtDecoder:
-    """Datagrams of whole records to samples.
-
-    Args:
-        force: counts of one N.
-        torque: counts of one N m.
-        rate: Hz.
-        saturated: the bits of the status that say it.
+    """Datagrams of whole records to samples: of `force` counts of one N and `torque` counts of one N m, at `rate` Hz;
+    `saturated` are the bits of the status that say it.
     """
 
     def __init__(self, force: float, torque: float, rate: float, saturated: int) -> None:
@@ -89,11 +84,10 @@ class NetFt(Reader[Udp]):
     ABOUT = "ATI Net F/T, Axia with Ethernet: wrench; http: the port of its page; zero=1: the box zeroes itself first"
     RATE = "as set on its page, at most 7000 Hz"
     TESTED = "its fake in the lab, written from ATI's manual; no box"
+    PORT, OPTIONS = 49_152, ("http", "zero")
 
     def __init__(self, uri: Uri) -> None:
-        uri.only("http", "zero")
         super().__init__(uri, Udp(uri.text, "Net F/T"), STOP)
-        self._at = uri.host, uri.port or PORT
         self._http = uri.whole("http", HTTP_PORT)
         self._zero, self._zeroed = uri.switch("zero"), False
         self._changed, self._closed = "", Event()

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Generic, Protocol, TypeVar
 
-from ..source import Batch, DeviceError, NoteKind, now
+from ..source import Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .transport import Deadline, Link
 
@@ -31,20 +31,28 @@ class Decoder(Protocol):
         """Put what is whole into the batch, and keep the rest."""
 
 
+def note_garbage(number: int, what: str, batch: Batch) -> None:
+    """Note bytes, if there are any, that are none of `what` is decoded."""
+    if number:
+        batch.notes.append(Note(NoteKind.GARBAGE, f"{number} bytes that are no {what}", number))
+
+
 AnyLink = TypeVar("AnyLink", bound=Link)
 
 
 class Reader(Generic[AnyLink]):
-    """A source's second half; the first is `open`, which connects and then begins.
-
-    Args:
-        uri: of the device.
-        link: to it.
-        farewell: what it is sent before the link is closed.
+    """A source's second half; the first is `open`, which connects and then begins. `farewell` is what the device is
+    sent before the link is closed.
     """
 
+    PORT = 0
+    """That is meant where the URI has none."""
+    OPTIONS: tuple[str, ...] = ()
+    """That the URI may have."""
+
     def __init__(self, uri: Uri, link: AnyLink, farewell: bytes = b"") -> None:
-        self.uri = uri.text
+        uri.only(*self.OPTIONS)
+        self.uri, self._at = uri.text, (uri.host, uri.port or self.PORT)
         self._link, self._farewell = link, farewell
         self._early, self._unread = Batch(), 0
 

@@ -16,7 +16,6 @@ from .datagrams import Udp
 from .reader import Reader
 from .transport import LISTENS
 
-PORT = 49_152
 SHORTEST = 4
 """ms, of the robot's cycles; the other is 12."""
 FIRST, SHOWN = 6, 40
@@ -79,11 +78,11 @@ class Rsi(Reader[Udp]):
     )
     RATE = "250 or 83.3 Hz, as the robot is set"
     TESTED = "its fake in the lab, written from KUKA's manual; no robot"
+    PORT = 49_152
 
     def __init__(self, uri: Uri) -> None:
-        uri.only()
         super().__init__(uri, Udp(uri.text, "KUKA robot"))
-        self._at = uri.host, PORT if uri.port is None else uri.port
+        self._at = uri.host, self.PORT if uri.port is None else uri.port
         self.corrections: Corrections | None = None
         self.port = 0
 

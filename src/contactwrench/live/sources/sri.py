@@ -11,10 +11,9 @@ from ...errors import visible
 from ..counter import Counter
 from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six
 from ..uri import Uri
-from .reader import NOT_AGAIN, ZEROED, Reader
+from .reader import NOT_AGAIN, ZEROED, Reader, note_garbage
 from .transport import Deadline, Tcp
 
-PORT = 4008
 USUAL_RATE = 1_000.0
 """Hz; for the device's time where a box does not say its rate."""
 MODULUS = 1 << 16
@@ -42,10 +41,7 @@ slow network too its rate is to be heard. What `open` may take is the end of it.
 
 class SriDecoder:
     """Bytes to samples. A packet is taken by its sum; a wrong sum with a packet behind it is a spoiled packet, one with
-    none behind it was no packet.
-
-    Args:
-        rate: Hz, of the device's clock.
+    none behind it was no packet. `rate` Hz is that of the device's clock.
     """
 
     def __init__(self, rate: float) -> None:
@@ -99,8 +95,8 @@ class SriDecoder:
 
     def _skipped(self, number: int, batch: Batch) -> int:
         """Note bytes that are no packet; before the first one they are answers to commands."""
-        if number and self._streaming:
-            batch.notes.append(Note(NoteKind.GARBAGE, f"{number} bytes that are no packet", number))
+        if self._streaming:
+            note_garbage(number, "packet", batch)
         return 0
 
 
@@ -111,11 +107,10 @@ class Sri(Reader[Tcp]):
     ABOUT = "SRI M8125, M8128: wrench; rate: asked of the box; zero=1: the box zeroes itself first"
     RATE = "as asked for, else as the box is set; usually 1000 Hz"
     TESTED = "its fake in the lab, written from public drivers; no box"
+    PORT, OPTIONS = 4008, ("rate", "zero")
 
     def __init__(self, uri: Uri) -> None:
-        uri.only("rate", "zero")
         super().__init__(uri, Tcp(uri.text, "SRI interface box"), b"AT+GSD=STOP\r\n")
-        self._at = uri.host, uri.port or PORT
         self._asked = uri.rate()
         self._zero, self._zeroed = uri.switch("zero"), False
 
