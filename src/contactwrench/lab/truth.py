@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import atan2, sqrt
 from typing import Protocol
 
 import numpy as np
 
 from ..geometry.arrays import Array
 from ..geometry.orientation import to_quat_xyzw
-from ..geometry.rotations import rotation_log
 
 NOTHING = (0.0,) * 6
 
@@ -27,7 +27,9 @@ class FlangePose:
     @property
     def rotation_vector(self) -> Array:
         """Of the orientation (3,), rad, of a half turn at most."""
-        return rotation_log(self.R_base_flange)
+        axis, scalar = self.quat_xyzw[:3], float(self.quat_xyzw[3])
+        length = sqrt(axis @ axis)
+        return axis * (2.0 * atan2(length if scalar >= 0.0 else -length, abs(scalar)) / max(length, 1e-300))
 
 
 class Truth(Protocol):

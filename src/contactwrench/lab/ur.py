@@ -63,6 +63,8 @@ class Ur(TcpFake):
 
     def _tcp_pose(self, at: _Moment) -> Array:
         pose, offset = at.pose, self._offset
+        if not offset.any():
+            return np.concatenate([pose.position, pose.rotation_vector])
         R = pose.R_base_flange
         return np.concatenate([pose.position + R @ offset[:3], rotation_log(R @ rotation_exp(offset[3:]))])
 
