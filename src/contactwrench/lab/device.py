@@ -30,9 +30,8 @@ Fault: TypeAlias = Callable[[Packets], "Packets | None"]
 
 
 class Clock:
-    """A device's own: row k is at `start + k / rate`, where `rate` is what its quartz makes of the one it means.
-
-    Deadlines are absolute, so that no time is lost between them.
+    """A device's own: row k is at `start + k / rate`, where `rate` is what its quartz makes of the one it means, so
+    that deadlines are absolute.
     """
 
     def __init__(self, rate: float, drift: float, jitter: float) -> None:
@@ -72,18 +71,10 @@ class Clock:
 
 
 class Fake(ABC):
-    """A fake device in a `with` block.
+    """A fake device in a `with` block, of `rate` rows a second, on a `port` of 127.0.0.1, 0: any that is free.
 
-    Args:
-        rate: of its rows, Hz.
-        port: of 127.0.0.1; 0: any that is free, see `port`.
-        clock_drift: of its clock, ppm: above 0 it is fast.
-        jitter: by which its packets are late at most, s.
-        true_rate: what it sends at whatever it is asked for, Hz; None: as asked.
-        host: it listens on.
-
-    Raises:
-        FileAccessError: the port is taken.
+    `clock_drift` ppm: above 0 its clock is fast; `jitter` s: by which its packets are late at most; `true_rate` Hz:
+    what it sends at whatever it is asked for. Raises `FileAccessError`: the port is taken.
     """
 
     scheme: str

@@ -34,14 +34,12 @@ class Ft300(TcpFake):
     """The sensor; faults of packets befall its answers."""
 
     scheme = "ft300"
+    SENDS_UNASKED = True
 
     def __init__(self, truth: Truth, rate: float = 100.0, **more: Any) -> None:
         super().__init__(truth, rate, **more)
         self._registers = np.zeros(LAST + 1, dtype=">i2")
         self._registers[LAST] = YEAR
-
-    def _wanted(self) -> bool:
-        return bool(self._clients)
 
     def _send(self, t0: float, rows: Array) -> None:
         counts = np.rint(rows[-1] * SCALE).clip(-(2**15), 2**15 - 1)
@@ -74,16 +72,11 @@ class Robotiq(TcpFake):
     """Sends to whoever connects; `end` is what follows each reading: clients do not say whether a line's end does."""
 
     scheme = "robotiq"
+    SENDS_UNASKED = True
 
     def __init__(self, truth: Truth, rate: float = 100.0, *, end: str = "", **more: Any) -> None:
         super().__init__(truth, rate, **more)
         self._end = end
-
-    def _accepted(self, client: Client) -> None:
-        client.wants_rows = True
-
-    def _received(self, client: Client) -> None:
-        client.inbox.clear()
 
     def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
         form = f"( {' , '.join(['%.2f'] * 3 + ['%.3f'] * 3)} ){self._end}"

@@ -144,15 +144,9 @@ class Sensor:
 
 
 class Lab:
-    """The virtual lab; it begins at rest at `HOME`. It is a `Truth`; a second device takes `sensor()`.
-
-    Args:
-        settings: of the rig.
-        seed: of the sensors' noise.
-        speed: of a move, of the largest speed of the joint that has furthest to go, 0 to 1.
-
-    Raises:
-        MissingExtraError: mujoco is not installed.
+    """The virtual lab; it begins at rest at `HOME`. It is a `Truth`; a second device takes `sensor()`. `seed` is that
+    of the sensors' noise; `speed` that of a move, of the largest of the joint that has furthest to go, 0 to 1. Raises
+    `MissingExtraError`: mujoco is not installed.
     """
 
     def __init__(self, settings: Settings | None = None, seed: int = 0, speed: float = MOVE_SPEED) -> None:

@@ -44,10 +44,8 @@ AGAIN, OFTEN = 0.5, 5
 
 class Clock:
     """Turns (arrival, device's time) of one device, in order, into times of arrival without the network's jitter.
-
-    Attributes:
-        pace: s that pass in one of the device's, where that is none of a quartz.
-        lateness: s by which samples come later than the soonest, on average.
+    `pace` is s that pass in one of the device's, where that is none of a quartz; samples come `lateness` s later than
+    the soonest, on average.
     """
 
     def __init__(self) -> None:

@@ -31,21 +31,11 @@ OF_DEVICE = {"sensor": "live_sensor", "robot": "live_robot"}
 def probed(
     source: Source, *, wrench: bool, orientation: bool, say: Callable[[str], None] | None = None
 ) -> tuple[About, Batch]:
-    """Open a source, and make sure that it gives what is wanted as fast as it was asked to.
+    """Open a source, and make sure that it gives what is wanted as fast as it was asked to: what it says of itself, and
+    what came meanwhile. One to which nobody sends yet is waited for where there is somebody to `say` that to, once.
 
-    Args:
-        source: not open.
-        wrench: whether it is to give wrenches.
-        orientation: whether it is to give orientations.
-        say: is told once what is waited for, of a source to which nobody sends yet, for as long as it takes; None: it
-            is not waited for.
-
-    Returns:
-        What it says of itself, and what came meanwhile.
-
-    Raises:
-        DeviceError: it does not answer, or is another device.
-        InputError: it gives something else, or at another rate.
+    Raises `DeviceError`: it does not answer, or is another device; `InputError`: it gives something else, or at another
+    rate.
     """
     about = _opened(source, say)
     try:

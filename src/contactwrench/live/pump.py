@@ -24,7 +24,7 @@ from .snapshot import Output
 from .source import HALF_OPEN, About, Batch, DeviceError, EndOfStreamError, Note, NoteKind, Source, now
 
 if TYPE_CHECKING:
-    from .page.hub import Ask
+    from .page.app import Ask
 
 WAITING = 20_000
 """Samples between a reader and the worker: 20 s at 1 kHz, which is more than any fit takes."""
@@ -61,12 +61,8 @@ class Ports:
 
 
 class Reader:
-    """A device that is read in a thread of its own, from now on, and connected to again for as long as it takes.
-
-    Args:
-        source: open already.
-        about: what it said.
-        early: what has come already.
+    """A device that is read in a thread of its own, from now on, and connected to again for as long as it takes. The
+    source is open already; `about` is what it said, and `early` what has come.
     """
 
     def __init__(self, source: Source, about: About, early: Batch) -> None:
@@ -167,12 +163,8 @@ class Reader:
 
 
 class Pump:
-    """Runs a session on devices until it is closed, or a recording has ended.
-
-    Args:
-        session: what is fed.
-        readers: by role, `sensor` and, where that is another device, `robot`.
-        ports: where all that is made goes, and commands come from.
+    """Runs a session on devices until it is closed, or a recording has ended. The readers are by role, `sensor` and,
+    where that is another device, `robot`.
     """
 
     def __init__(self, session: Session, readers: Mapping[str, Reader], ports: Ports) -> None:
@@ -235,7 +227,10 @@ class Pump:
         if turn.rows:
             for sink in self._ports.sinks if self.session.recording else self._ports.outlets:
                 sink.write(turn)
-        self._say_of_sinks(t)
+        for sink in self._ports.sinks:
+            if sink.error and sink.uri not in self._ended:  # of each that has ended, once
+                self._ended.add(sink.uri)
+                self.session.outlet_ended(sink.error, t)
         self._obey(t)
         for said in self.session.events():
             if self._ports.say is not None:
@@ -243,13 +238,6 @@ class Pump:
         if self._ports.publish is not None and t - self._shown >= SNAPSHOTS:
             self._shown = t
             self._ports.publish(self.encoded_snapshot(t))
-
-    def _say_of_sinks(self, t: float) -> None:
-        """Of each sink that has ended, once."""
-        for sink in self._ports.sinks:
-            if sink.error and sink.uri not in self._ended:
-                self._ended.add(sink.uri)
-                self.session.outlet_ended(sink.error, t)
 
     def _taken(self, role: str, reader: Reader, t: float) -> Batch | None:
         """What came from a device, joined; that it is there, or gone, is told to the session in its turn."""

@@ -41,15 +41,8 @@ class Replay:
 
     `Sample.arrival` is the recording's own time, shifted so that the first is now, at any speed; `device` is the time
     as recorded. With `speed` 0 a read never waits and gives `ROWS` samples at the most: whoever reads it takes the next
-    when those are done with, and lets sinks be patient (sink.py), so that nothing is lost.
-
-    Args:
-        path: any recording that can be read.
-        options: how it is written.
-        speed: times real time; 0: as fast as it is asked for.
-
-    Raises:
-        InputError: the speed is none.
+    when those are done with, and lets sinks be patient (sink.py), so that nothing is lost. Raises `InputError`: the
+    speed is none.
     """
 
     def __init__(self, path: str | Path, options: Options = AS_USUAL, speed: float = 1.0) -> None:

@@ -26,7 +26,7 @@ from .pose_track import NO_PLACE, PoseTrack
 from .running import OF_ROBOT, OF_SENSOR, Options, Runner, shown_contact_wrench, traced
 from .sink import Pose, Reading, Turn
 from .snapshot import Command, Event, Output, Phase, Snapshot
-from .source import About, Batch, Four, Sample, Six, require_arrivals
+from .source import About, Batch, Four, Sample, Six
 from .stillness import Stillness
 from .wizard import Wish, Wizard
 
@@ -142,7 +142,9 @@ class Session:
             InputError: something else than batches of samples, or no time.
         """
         t = number(t, "t")
-        require_arrivals(sensor, robot)
+        for batch, intake in ((sensor, self._sensor), (robot, self._robot)):
+            if batch is not None:
+                intake.require(batch)
         poses = [] if robot is None else self._robot.take(robot)
         readings = [] if sensor is None else self._sensor.take(sensor)
         poses = readings if self._robot is self._sensor else poses

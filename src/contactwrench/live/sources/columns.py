@@ -27,15 +27,8 @@ LEAPS = 10
 
 
 class NamedColumns:
-    """Rows of numbers under the same names.
-
-    Args:
-        names: of the columns, as in a recording.
-        naming: what the URI states of them.
-        rate: Hz of such rows; None: not known, so that no loss is seen.
-
-    Raises:
-        InputError: neither a wrench nor an orientation is among them.
+    """Rows of numbers under the same names, as in a recording, with what the URI states of them; `rate` Hz of such
+    rows, None: not known, so that no loss is seen. Raises `InputError`: neither wrench nor orientation is among them.
     """
 
     def __init__(self, names: Iterable[str], naming: Naming, rate: float | None) -> None:

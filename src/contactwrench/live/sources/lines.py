@@ -37,13 +37,8 @@ EXPECTED = (
 
 
 class LinesDecoder:
-    """Bytes to samples.
-
-    Args:
-        naming: what the URI states of the columns.
-        rate: Hz of the lines of a kind, or None.
-        columns: the names of CSV without a header, or none.
-        whole: that what is fed ends with a line's end, as a datagram does.
+    """Bytes to samples. `naming` is what the URI states of the columns, `rate` Hz of the lines of a kind, `columns` the
+    names of CSV without a header; `whole`: what is fed ends with a line's end, as a datagram does.
     """
 
     def __init__(self, naming: Naming, rate: float | None, columns: Sequence[str] = (), whole: bool = False) -> None:

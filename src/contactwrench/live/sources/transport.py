@@ -46,13 +46,10 @@ class Deadline:
 
 
 class Link(ABC):
-    """A socket that one thread reads and any may close, which ends a wait of the reader.
+    """A socket that one thread reads and any may close, which ends a wait of the reader. Messages name the device by
+    its `uri`, and by what is expected there, a `device`.
 
     The reader holds the lock while it waits, so that no socket is closed, and its number given to another, under it.
-
-    Args:
-        uri: as messages name the device.
-        device: what is expected there, for people.
     """
 
     def __init__(self, uri: str, device: str) -> None:
