@@ -19,12 +19,11 @@ from ..geometry.orientation import from_quat_xyzw, to_quat_xyzw
 from ..geometry.quaternions import angle_between
 from ..samples.samples import Streams
 from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_check, with_delay, with_inertia
-from .history import History
+from .history import History, Stillness
 from .pose_taking import PoseTaking, samples_of
 from .push_test import PushTest
 from .snapshot import Check, Command, Phase, Poses, TakenPose
 from .source import Four
-from .stillness import Stillness
 
 CHECKS = 2
 FEWEST_TO_PREDICT = 5

@@ -17,7 +17,7 @@ from ..counter import Counter
 from ..source import About, Batch, DeviceError, Note, NoteKind, Sample
 from ..uri import Uri
 from .datagrams import Udp
-from .reader import NOT_AGAIN, ZEROED, Reader
+from .reader import Reader
 
 HTTP_PORT = 80
 PAGE = "/netftapi2.xml"
@@ -89,7 +89,6 @@ class NetFt(Reader[Udp]):
     def __init__(self, uri: Uri) -> None:
         super().__init__(uri, Udp(uri.text, "Net F/T"), STOP)
         self._http = uri.whole("http", HTTP_PORT)
-        self._zero, self._zeroed = uri.switch("zero"), False
         self._changed, self._closed = "", Event()
 
     def open(self) -> About:
@@ -100,15 +99,14 @@ class NetFt(Reader[Udp]):
         name, said, address = self._said()
         *_, rate = said
         self._link.connect(address, self._at[1])
-        if self._zero and not self._zeroed:
+        if self._is_to_zero:
             self._link.send(ZERO)
         self._link.send(STREAM)
         saturated = SATURATED["axia" if "axia" in name.lower() else "net"]
         self._begin(NetFtDecoder(*said, saturated))
         self._heard = monotonic()
         self._first(deadline, lambda: self._link.silent("records"))
-        settings = {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
-        self._zeroed = self._zero
+        settings = self._zeroed_now()
         Thread(target=self._look, args=(said, self._closed), name=f"page of {self.uri}", daemon=True).start()
         return About(f"ATI {name}", wrench=True, orientation=False, rate=rate, settings=settings)
 

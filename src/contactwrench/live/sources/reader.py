@@ -55,6 +55,13 @@ class Reader(Generic[AnyLink]):
         self.uri, self._at = uri.text, (uri.host, uri.port or self.PORT)
         self._link, self._farewell = link, farewell
         self._early, self._unread = Batch(), 0
+        self._is_to_zero, self._was_zeroed = uri.switch("zero"), False
+
+    def _zeroed_now(self) -> dict[str, str]:
+        """What is to be said of its zero, once it has been told to take one, if it was to."""
+        told = {"zero": NOT_AGAIN if self._was_zeroed else ZEROED} if self._is_to_zero or self._was_zeroed else {}
+        self._is_to_zero, self._was_zeroed = False, bool(told)
+        return told
 
     def read(self, timeout: float) -> Batch:
         """As `Source`."""

@@ -55,17 +55,14 @@ class RsiDecoder:
             batch.notes.append(Note(NoteKind.GARBAGE, f"{what}: {do}", len(data)))
             return
         device = self._counter.take(self.ipoc, arrival, batch)
-        self._note_late(data, batch)
-        if device is not None:
-            position = 1e-3 * x, 1e-3 * y, 1e-3 * z
-            batch.samples.append(Sample(arrival, device, None, from_kuka_abc(a, b, c), position, joints))
-
-    def _note_late(self, data: bytes, batch: Batch) -> None:
-        if found := _delay(data):
-            if (late := int(found[1])) > self._late:
+        if (counted := _delay(data)) is not None:
+            if (late := int(counted[1])) > self._late:
                 text = f"the robot has counted {late} late answers, too many of which stop it"
                 batch.notes.append(Note(NoteKind.LATE, text, late - self._late))
             self._late = late
+        if device is not None:
+            position = 1e-3 * x, 1e-3 * y, 1e-3 * z
+            batch.samples.append(Sample(arrival, device, None, from_kuka_abc(a, b, c), position, joints))
 
 
 class Rsi(Reader[Udp]):

@@ -11,7 +11,7 @@ from ...errors import visible
 from ..counter import Counter
 from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six
 from ..uri import Uri
-from .reader import NOT_AGAIN, ZEROED, Reader, note_garbage
+from .reader import Reader, note_garbage
 from .transport import Deadline, Tcp
 
 USUAL_RATE = 1_000.0
@@ -112,7 +112,6 @@ class Sri(Reader[Tcp]):
     def __init__(self, uri: Uri) -> None:
         super().__init__(uri, Tcp(uri.text, "SRI interface box"), b"AT+GSD=STOP\r\n")
         self._asked = uri.rate()
-        self._zero, self._zeroed = uri.switch("zero"), False
 
     def open(self) -> About:
         """As `Source`."""
@@ -123,12 +122,12 @@ class Sri(Reader[Tcp]):
         address = self._ask("EIP=?", deadline, needed=True).replace(ERROR, "") or "not told"
         self._obeys = OBEYS + 2.0 * (monotonic() - begun)
         rate = self._set_rate(deadline)
-        told = {"address of the box": address, **self._channels(deadline), **self._matrix(deadline)}
-        zero = self._zero and not self._zeroed
-        for command in (SUMS, *(["ADJZF=1;1;1;1;1;1"] if zero else [])):
+        told = {"address of the box": address, **self._channels(deadline)}
+        unit = self._ask("DCPCU=?", self._soon(deadline)).upper()  # all known programs set MVPV, mV/V
+        told["unit of its decoupling matrix"] = unit if UNIT(unit) else "not told"
+        for command in (SUMS, *(["ADJZF=1;1;1;1;1;1"] if self._is_to_zero else [])):
             told[command] = _outcome(command, self._ask(command, self._soon(deadline)))
-        told |= {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
-        self._zeroed = self._zero
+        told |= self._zeroed_now()
         self._begin(decoder := SriDecoder(rate or self._asked or USUAL_RATE))
         self._link.send(b"AT+GSD\r\n")
         self._first(deadline, lambda: self._no_samples(decoder.instead()), 2)
@@ -144,11 +143,6 @@ class Sri(Reader[Tcp]):
             raise self._link.error(f"AD counts ({said})", "N and N m", do)
         doubt = ", so whether it sends N and N m is not known" * (said in ("", ERROR))
         return {CHANNELS: _outcome(CHANNELS, said) + doubt}
-
-    def _matrix(self, deadline: Deadline) -> dict[str, str]:
-        """In which unit its decoupling matrix is; all known programs set MVPV, mV/V."""
-        said = self._ask("DCPCU=?", self._soon(deadline)).upper()
-        return {"unit of its decoupling matrix": said if UNIT(said) else "not told"}
 
     def _no_samples(self, instead: str) -> DeviceError:
         """What is raised where it sends no stream that can be read."""
@@ -181,14 +175,11 @@ class Sri(Reader[Tcp]):
                     raise self._link.silent(EXPECTED)
                 return ""
             self._answers += b"".join(self._link.receive(deadline.left))
-            self._refuse_another()
+            if len(self._answers) > 15 and b"ACK+" not in self._answers and HEADER[:2] not in self._answers:
+                raise self._link.another(self._answers, EXPECTED)
         self._answers = self._answers[found.end() :]
         said = visible(found[1].decode("latin-1")).replace("$OK", "").replace(" ", "")
         return ERROR if ERROR in said else said[:SHOWN]
-
-    def _refuse_another(self) -> None:
-        if len(self._answers) > 15 and b"ACK+" not in self._answers and HEADER[:2] not in self._answers:
-            raise self._link.another(self._answers, EXPECTED)
 
 
 def _outcome(command: str, said: str) -> str:
