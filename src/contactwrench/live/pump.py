@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from queue import Empty, Queue, SimpleQueue
 from threading import Event, Thread
 from typing import TYPE_CHECKING, TypeAlias
@@ -40,24 +39,6 @@ ENDS_IN, ASKED_EVERY = 4.0, 0.1
 
 News: TypeAlias = Batch | About | str
 """What a reader says: what came, that the device is there, or why it is not."""
-
-
-@dataclass(frozen=True)
-class Ports:
-    """Where what the worker makes goes: snapshots as JSON to `publish`, events to `say`, turns to `outlets`, and while
-    the session records to `recorder` too; commands come from `asked`.
-    """
-
-    publish: Callable[[bytes], None] | None = None
-    say: Callable[[Said], None] | None = None
-    asked: Queue[Ask] | None = None
-    outlets: tuple[OpenSink, ...] = ()
-    recorder: OpenSink | None = None
-
-    @property
-    def sinks(self) -> tuple[OpenSink, ...]:
-        """The outlets, and the recorder where there is one."""
-        return self.outlets if self.recorder is None else (*self.outlets, self.recorder)
 
 
 class Reader:
@@ -164,11 +145,25 @@ class Reader:
 
 class Pump:
     """Runs a session on devices until it is closed, or a recording has ended. The readers are by role, `sensor` and,
-    where that is another device, `robot`.
+    where that is another device, `robot`. Snapshots go as JSON to `publish`, events to `say`, turns to `outlets`, and
+    while the session records to `recorder` too; commands come from `asked`.
     """
 
-    def __init__(self, session: Session, readers: Mapping[str, Reader], ports: Ports) -> None:
-        self.session, self._readers, self._ports = session, dict(readers), ports
+    def __init__(
+        self,
+        session: Session,
+        readers: Mapping[str, Reader],
+        *,
+        publish: Callable[[bytes], None] | None = None,
+        say: Callable[[Said], None] | None = None,
+        asked: Queue[Ask] | None = None,
+        outlets: tuple[OpenSink, ...] = (),
+        recorder: OpenSink | None = None,
+    ) -> None:
+        self.session, self._readers = session, dict(readers)
+        self._publish, self._say, self._asked = publish, say, asked
+        self._outlets, self._recorder = outlets, recorder
+        self._sinks = outlets if recorder is None else (*outlets, recorder)
         self._ended = set[str]()
         self._wake = self._readers["sensor"].wake
         self._stop = Event()
@@ -195,7 +190,7 @@ class Pump:
         self._wake.put(None)
         if self._worker.ident is not None:
             self._worker.join(ENDS_IN)
-        for sink in self._ports.sinks:
+        for sink in self._sinks:
             sink.close()
 
     def _run(self) -> None:
@@ -225,19 +220,21 @@ class Pump:
             t = self._recorded = max([self._recorded, *stamps]) or t
         turn = self.session.feed(batches.get("sensor"), batches.get("robot"), t=t)
         if turn.rows:
-            for sink in self._ports.sinks if self.session.recording else self._ports.outlets:
+            for sink in self._sinks if self.session.recording else self._outlets:
                 sink.write(turn)
-        for sink in self._ports.sinks:
+        for sink in self._sinks:
             if sink.error and sink.uri not in self._ended:  # of each that has ended, once
                 self._ended.add(sink.uri)
                 self.session.outlet_ended(sink.error, t)
-        self._obey(t)
+        while self._asked is not None and not self._asked.empty():
+            ask = self._asked.get()
+            self.session.do(ask.do, t, None if ask.pose is None else ask.pose + 1)
         for said in self.session.events():
-            if self._ports.say is not None:
-                self._ports.say(said)
-        if self._ports.publish is not None and t - self._shown >= SNAPSHOTS:
+            if self._say is not None:
+                self._say(said)
+        if self._publish is not None and t - self._shown >= SNAPSHOTS:
             self._shown = t
-            self._ports.publish(self.encoded_snapshot(t))
+            self._publish(self.encoded_snapshot(t))
 
     def _taken(self, role: str, reader: Reader, t: float) -> Batch | None:
         """What came from a device, joined; that it is there, or gone, is told to the session in its turn."""
@@ -254,13 +251,8 @@ class Pump:
                 whole.add(news)
         return whole
 
-    def _obey(self, t: float) -> None:
-        while self._ports.asked is not None and not self._ports.asked.empty():
-            ask = self._ports.asked.get()
-            self.session.do(ask.do, t, None if ask.pose is None else ask.pose + 1)
-
     def encoded_snapshot(self, t: float) -> bytes:
         """What a person sees at `t` s, as JSON; for the worker alone."""
-        outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._ports.outlets)
-        recording = "" if self._ports.recorder is None else self._ports.recorder.uri
+        outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._outlets)
+        recording = "" if self._recorder is None else self._recorder.uri
         return msgspec.json.encode(self.session.snapshot(t, outlets, recording))

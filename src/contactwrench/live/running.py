@@ -166,7 +166,7 @@ def traced(reading: Reading, made: ContactWrench | None) -> tuple[float | None, 
     """A row of the trace: `t`, the contact wrench, or without one the reading, `valid`, and `contact`, -1 not known."""
     wrench, valid = (reading.wrench, not reading.flaw) if made is None else (made.wrench.tolist(), made.valid)
     touching = -1.0 if made is None or made.contact is None else float(made.contact)
-    return (reading.t, *(value if isfinite(value) else None for value in wrench), float(valid), touching)
+    return (reading.t, *_finite(wrench), float(valid), touching)
 
 
 def shown_contact_wrench(turn: Turn, sensor: Intake) -> Contact | None:
@@ -176,7 +176,9 @@ def shown_contact_wrench(turn: Turn, sensor: Intake) -> Contact | None:
     if sensor.state != STREAMING:
         return Contact((None,) * 6, (None,) * 6, valid=False, contact=None, reason=f"{sensor.state}: {sensor.text}")
     made = turn.judged[-1]
-    wrench, std = (
-        tuple(value if isfinite(value) else None for value in each.tolist()) for each in (made.wrench, made.std)
-    )
+    wrench, std = _finite(made.wrench.tolist()), _finite(made.std.tolist())
     return Contact(wrench, std, made.valid, made.contact, str(made.reason or ""))
+
+
+def _finite(values: Sequence[float]) -> tuple[float | None, ...]:
+    return tuple(value if isfinite(value) else None for value in values)

@@ -124,24 +124,20 @@ class Wizard:
         return []
 
     def _next(self, *, skip: bool) -> list[Happened]:
+        phases = list(Phase)
+        self.phase = phases[phases.index(self.phase) + 1]
+        said: list[Happened] = [("phase", SPOKEN[self.phase])]
         match self.phase:
-            case Phase.CONNECT:
-                self.phase = Phase.PUSH
-            case Phase.PUSH:
+            case Phase.POSES:
                 if skip:
                     self.push.again()
-                self.phase = Phase.POSES
                 self._plan()
-            case Phase.POSES:
-                self.phase = Phase.FIT
-                return [("phase", SPOKEN[Phase.FIT]), *self._fit(with_motion=True)]
             case Phase.FIT:
-                self.phase, self._verifying = Phase.VERIFY, PoseTaking(self.poses.taken)
-                self.checks, self.verified = (), ""
-                self._targets = self._planned(CHECKS, [pose.turn for pose in self.poses.taken])
+                said += self._fit(with_motion=True)
             case Phase.VERIFY:
-                self.phase = Phase.RUN
-        return [("phase", SPOKEN[self.phase])]
+                self._verifying, self.checks, self.verified = PoseTaking(self.poses.taken), (), ""
+                self._targets = self._planned(CHECKS, [pose.turn for pose in self.poses.taken])
+        return said
 
     def _back(self) -> list[Happened]:
         before = {Phase.PUSH: Phase.CONNECT, Phase.POSES: Phase.PUSH, Phase.VERIFY: Phase.FIT}
@@ -192,8 +188,9 @@ class Wizard:
             return []
         poses = self._verifying.taken
         left = self.calibration.compensate(self.sign * poses[-1].mean, np.array(poses[-1].turn))
-        result = verify(self.calibration, samples_of(poses, self.sign, "verification"))
-        one = verify(self.calibration, samples_of(poses[-1:], self.sign, "verification"))
+        result, one = (
+            verify(self.calibration, samples_of(part, self.sign, "verification")) for part in (poses, poses[-1:])
+        )
         check = Check(float(np.linalg.norm(left[:3])), float(np.linalg.norm(left[3:])), one.passed)
         self.checks = (*self.checks, check)
         self._targets = self._targets[1:]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import selectors
 import socket
 from collections import OrderedDict
 from collections.abc import Callable
@@ -78,29 +77,19 @@ class Udp(Link):
             with suppress(OSError):
                 self._socket.sendto(data, self._sender)
 
-    def receive(self, timeout: float) -> list[bytes]:
-        """The datagrams that have come; none in silence or after `close`. Raises `DeviceError`: the port is closed."""
-        taken: list[bytes] = []
-        senders: list[Any] = []
-        with self._lock:
-            if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
-                return taken
-            try:
-                while len(taken) < MOST:
-                    data, sender = self._socket.recvfrom(MOST_BYTES)
-                    taken.append(data)
-                    senders.append(sender)
-            except (BlockingIOError, ConnectionResetError):
-                pass
-            except ConnectionRefusedError:
-                if not taken:
-                    do = f"check the address and that it is the {self._device}"
-                    raise self.error("nobody listening", f"the {self._device}", do) from None
-        return self._of_one(taken, senders)
-
-    def _of_one(self, taken: list[bytes], senders: list[Any]) -> list[bytes]:
+    def _received(self) -> list[bytes]:
+        came: list[tuple[bytes, Any]] = []
+        try:
+            while len(came) < MOST:
+                came.append(self._socket.recvfrom(MOST_BYTES))
+        except (BlockingIOError, ConnectionResetError):
+            pass
+        except ConnectionRefusedError:
+            if not came:
+                do = f"check the address and that it is the {self._device}"
+                raise self.error("nobody listening", f"the {self._device}", do) from None
         kept, t = [], monotonic()
-        for data, sender in zip(taken, senders, strict=True):
+        for data, sender in came:
             if self._takes(sender[:2], t):
                 self._sender = sender
                 kept.append(data)

@@ -61,9 +61,14 @@ class Link(ABC):
         self._selector: selectors.BaseSelector | None = None
         self._awaited = 0
 
-    @abstractmethod
     def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `DeviceError`."""
+        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: the connection is cut."""
+        with self._lock:
+            return self._received() if self._ready(selectors.EVENT_READ, timeout) else []
+
+    @abstractmethod
+    def _received(self) -> list[bytes]:
+        """What can be read. The lock is held."""
 
     def send(self, data: bytes) -> None:
         """To the device that it is connected to; what is lost is lost. Raises `DeviceError` where that can be known."""
@@ -171,17 +176,13 @@ class Tcp(Link):
         except OSError as error:
             raise self._cut(error) from None
 
-    def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: the connection is cut."""
-        with self._lock:
-            if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
-                return []
-            try:
-                data = self._socket.recv(MOST_BYTES)
-            except BlockingIOError:
-                return []
-            except OSError as error:
-                raise self._cut(error) from None
+    def _received(self) -> list[bytes]:
+        try:
+            data = self._socket.recv(MOST_BYTES)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise self._cut(error) from None
         if not data:
             raise self._cut(None)
         return [data]
@@ -215,15 +216,11 @@ class StandardInput(Link):
         with self._lock:
             self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0), selectors.SelectSelector())
 
-    def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `DeviceError` at the end."""
-        with self._lock:
-            if not self._ready(selectors.EVENT_READ, timeout):
-                return []
-            try:
-                data = self._socket.read(MOST_BYTES)
-            except OSError:  # of a line that was pulled out
-                data = b""
+    def _received(self) -> list[bytes]:
+        try:
+            data = self._socket.read(MOST_BYTES)
+        except OSError:  # of a line that was pulled out
+            data = b""
         if data == b"":
             raise self._ended()
         return [data] if data else []
