@@ -30,9 +30,7 @@ Fault: TypeAlias = Callable[[Packets], "Packets | None"]
 
 
 class Clock:
-    """A device's own: row k is at `start + k / rate`, where `rate` is what its quartz makes of the one it means, so
-    that deadlines are absolute.
-    """
+    """A device's own: row k is at `start + k / rate`, `rate` being what its quartz makes of the one it means."""
 
     def __init__(self, rate: float, drift: float, jitter: float) -> None:
         self._drift, self._jitter, self._rng = drift, jitter, np.random.default_rng(0)
@@ -91,12 +89,8 @@ class Fake(ABC):
         host: str = LOCALHOST,
     ) -> None:
         self.truth, self.host, self.port, self._true_rate = truth, host, port, true_rate
-        self.rate = rate
-        """What it was asked for, Hz."""
-        self.counter = 0
-        """Of its next packet."""
-        self.state = 0
-        """The status that it shows."""
+        self.rate = rate  # what it was asked for, Hz
+        self.counter, self.state = 0, 0  # of its next packet; and the status that it shows
         self.clock = Clock(true_rate or rate, clock_drift, jitter)
         self._powered = monotonic()
         self._orders: deque[tuple[Callable[[], None], Event]] = deque()

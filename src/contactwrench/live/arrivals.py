@@ -55,9 +55,7 @@ class Windows:
 
 
 class Rate:
-    """The rate of a device, from `t` s on, against the one that was `asked` for, Hz; None: it is only counted. `hz` is
-    that over the last second, or longer for a slow device; None: not known yet.
-    """
+    """The rate `hz` of a device over the last second or longer, against the one `asked` for; None: not known."""
 
     def __init__(self, asked: float | None, t: float) -> None:
         self.asked = asked
@@ -72,9 +70,7 @@ class Rate:
         self._soon.begin(t)
 
     def look(self, samples: int, t: float) -> float | None:
-        """Count on, as `Windows` does. What comes, Hz, where that has become another rate than was asked for: said
-        once, until it is right again.
-        """
+        """Count on. What comes, Hz, where that has become another rate than was asked for: once, until right again."""
         self._surely.look(samples, t)
         self._soon.look(samples, t)
         self.hz = self._surely.rate or self.hz
@@ -94,8 +90,6 @@ SHORT = 0.5
 """Of the time from burst to burst, that the samples of one come within: those of a slow stream come all of the time."""
 REGULAR = 0.25
 """Part by which the time from burst to burst, and their samples, may be off: a stall of the network is off by more."""
-
-
 GAP, SOME, FASTER = 3.0, 10, 1.05
 """Periods without a sample, and `LATE` at the least, behind which one that has no time of its own may have been taken
 before the gap, and waited. So it is for `LATE`, and until as much has come early as can have waited, or for `SOME`
@@ -115,9 +109,7 @@ class Waited:
         self._came, self._end = 0, -inf
 
     def took(self, arrival: float, usual: float) -> float:
-        """How long the gap was, s, in which a sample may have waited, that came where they come every `usual` s; 0:
-        it did not.
-        """
+        """The gap, s, in which a sample may have waited, that came where they come every `usual` s; 0: it did not."""
         gap, self._arrived = arrival - self._arrived, arrival
         if max(LATE, GAP * usual) < gap < inf:
             self._gap, self._usual, self._begin, self._came = gap, usual, arrival, 0
@@ -138,9 +130,7 @@ class Waited:
 
 
 class Bursts:
-    """The bursts of one stream, by the arrivals of its samples; `period` is s from one burst to the next, 0 where its
-    samples come evenly, or stop and go as they like.
-    """
+    """The bursts of one stream; `period`: s from one to the next, 0: its samples come evenly, or stop and go."""
 
     def __init__(self) -> None:
         self.period, self._step = 0.0, 0.0
@@ -148,9 +138,7 @@ class Bursts:
         self._arrived, self._samples = -inf, 0
 
     def taken(self, arrival: float) -> float | None:
-        """When the next sample was taken, s: steady bursts are spread over the time since the burst before; None: of no
-        such burst.
-        """
+        """When the next sample was taken, s: a steady burst is spread over the time since the last; None: no burst."""
         if arrival - self._arrived > PAUSE:
             self._begins.append((arrival, self._samples, self._arrived))
             self._judge()

@@ -36,8 +36,6 @@ comes at less than 1.04 times the pace at which it was taken is not told from a 
 """
 FALLS = 2.0
 """s of falling: so long no queue is read, but a recording at twice its pace, or a clock that is fast by a twentieth."""
-
-
 AGAIN, OFTEN = 0.5, 5
 """s from one beginning to the next, and how many in a row, that are no restart of a device: its clock never goes on."""
 

@@ -64,9 +64,7 @@ class History:
 
 
 class Motion:
-    """The last seconds of both streams, thinned: a block of (t, wrench) and one of (t, quaternion, position) for each.
-    Their motion tells the delay.
-    """
+    """The last seconds of both streams, thinned, (t, wrench) and (t, quaternion, position): they tell the delay."""
 
     def __init__(self) -> None:
         self._blocks: deque[tuple[Array, Array]] = deque(maxlen=SECONDS)

@@ -87,9 +87,7 @@ class Intake:
         return None if said_before else self._event(t, "down", "note" if ended else "error", text)
 
     def require(self, batch: Batch) -> None:
-        """Raise `InputError` for what is no batch of samples: programs of others feed a session, too, and err in all
-        samples alike.
-        """
+        """Raise `InputError` for what is no batch of samples: programs of others err in all of them alike."""
         if not isinstance(batch, Batch):
             found = f"{self.uri}: found {type(batch).__name__}"
             raise InputError(f"{found}, expected a Batch: Batch([Sample(arrival, wrench=...)])")

@@ -53,9 +53,7 @@ class PoseTrack:
         self._changed, self._usual, self._speed, self._steady = -inf, 0.0, 0.0, False
 
     def add(self, t: float, orientation: Four, position: Three | None) -> bool:
-        """A pose at `t` s: the quaternion x, y, z, w of the flange in base axes, and its place, m. One that is no
-        orientation, and False, is passed over, so that the one before it grows old.
-        """
+        """A pose at `t` s; one that is no orientation, and False, is passed over: the one before it grows old."""
         if (turn := unit(orientation)) is None:
             return False
         if self._poses:

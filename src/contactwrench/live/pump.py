@@ -20,17 +20,18 @@ from .session import Session
 from .sink import OpenSink
 from .snapshot import Event as Said
 from .snapshot import Output
-from .source import HALF_OPEN, About, Batch, DeviceError, EndOfStreamError, Note, NoteKind, Source, now
+from .source import About, Batch, EndOfStreamError, Note, NoteKind, Source, now
+from .stream import batches
 
 if TYPE_CHECKING:
     from .page.app import Ask
 
 WAITING = 20_000
 """Samples between a reader and the worker: 20 s at 1 kHz, which is more than any fit takes."""
-READ, TURN = 0.1, 0.02
-"""s that a reader, and the worker, wait before they look whether they are to end."""
-AGAIN = 0.4
-"""s from one attempt to the next."""
+TURN = 0.02
+"""s that the worker waits before it looks whether it is to end."""
+SILENT, AGAIN = "nothing for {:g} s, connecting again", 0.4
+"""What is said of a device that says nothing; and s from one attempt to the next."""
 AHEAD = 1
 """Batches by which a recording may be ahead of the worker; a turn with more would have more poses than are kept."""
 SNAPSHOTS = 1.0 / 30.0
@@ -104,7 +105,10 @@ class Reader:
                     about = self._source.open()
                     require_same(self._source.uri, self.about, about)
                     self.put(about)
-                self._read(about)
+                for batch in batches(self._source, about, self._stop.is_set, SILENT):
+                    self.put(batch)
+                    while about.replay and len(self._news) > AHEAD and not self._stop.is_set():
+                        self._stop.wait(0.001)
             except EndOfStreamError as error:
                 self.put(str(error))
                 self._ended = True
@@ -118,18 +122,6 @@ class Reader:
                 about = None
                 self._source.close()
             self._stop.wait(AGAIN)
-
-    def _read(self, about: About) -> None:
-        last, replay = now(), about.replay
-        while not self._stop.is_set():
-            batch = self._source.read(READ)
-            if batch.samples or batch.notes:
-                last = now()
-                self.put(batch)
-                while replay and len(self._news) > AHEAD and not self._stop.is_set():
-                    self._stop.wait(0.001)
-            elif now() - last > HALF_OPEN and not replay and not about.listens:
-                raise DeviceError(f"{self._source.uri}: nothing for {HALF_OPEN:g} s, connecting again")
 
     def put(self, news: News) -> None:
         """Keep what came until it is taken; of samples no more than can wait."""

@@ -97,9 +97,7 @@ class Runner:
             self._said.append(("no_motion", missing) if lacks else ("inertia", SUBTRACTED))
 
     def step(self, reading: Reading, orientation: Four, why: str, longest: float) -> ContactWrench:
-        """The contact wrench of a reading; `why` there is no valid one: its flaw, or that the orientation is old, as a
-        pose is from `longest` s on.
-        """
+        """The contact wrench; `why` there is no valid one; from `longest` s on a pose is old."""
         self._begun = min(self._begun, reading.t)
         if self._feed is not None and (doubt := self._feed.doubt(reading.t - self.delay, reading.t, longest)):
             orientation, why = UNKNOWN, why or doubt
@@ -138,9 +136,7 @@ class Runner:
             self._said.append(("contact", f"contact of {lasted:.2f} s ended, {largest:.1f} N at most"))
 
     def happened(self) -> tuple[list[tuple[str, str]], tuple[ContactEnded, ...]]:
-        """Since it was last asked: faults, and contacts that began and ended, as kinds of events and in words; and the
-        contacts that ended.
-        """
+        """Since it was last asked: events, as kinds and in words; and the contacts that ended."""
         said, ended = self._said, tuple(self._ended)
         self._said, self._ended = [], []
         return said, ended

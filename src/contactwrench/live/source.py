@@ -76,9 +76,7 @@ class NoteKind(StrEnum):
 
 
 class Note(NamedTuple):
-    """`text` in words, short; `number`: of samples, packets or bytes; `before`: the place in the batch of the sample at
-    which a counter showed it.
-    """
+    """`number` of samples, packets or bytes; `before`: the place in the batch at which a counter showed it."""
 
     kind: NoteKind
     text: str

@@ -104,9 +104,7 @@ def parsed(text: str) -> Uri:
 
 @dataclass(frozen=True)
 class Known:
-    """A scheme that can be opened, as its class says: `form` of the URI, what it is `about`, its `rate`, what it was
-    `tested` against; `error` where the class cannot be loaded.
-    """
+    """A scheme that can be opened, as its class says; `error` where that cannot be loaded."""
 
     scheme: str
     form: str

@@ -48,9 +48,7 @@ def _on_disk(file: IO[bytes]) -> None:
 
 
 class _WholeOrNot:
-    """A file that has all that was written to it until a flush, or nothing of it, whenever the program is killed: its
-    first byte comes last. Until then there is 0, with which no record of an MCAP begins.
-    """
+    """A file that has all up to a flush, or nothing of it, if killed: its first byte, 0 until then, comes last."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb", buffering=0)

@@ -21,7 +21,6 @@ STEADY, REMEMBERED = 3, 4
 """Datagrams of one port of a sender's, after which others of the same computer are other programs; and how many ports
 are remembered: a program that opens a socket for each datagram sends hardly twice from one of the last ones.
 """
-
 GONE, PAUSES, FORGETS = 0.05, 3.0, 1.0
 """s, and so many of its longest pauses, which are forgotten within some s, without a datagram of a port, after which
 another one of the same computer is the same program, begun anew: a robot that waits longer for its answers stops.
@@ -122,9 +121,7 @@ class Udp(Link):
         return self._sent.get(one, 0) < STEADY or t - self._heard > max(GONE, PAUSES * self._longest)
 
     def notes(self, used: bool) -> list[Note]:
-        """As `Link`: others that sent to the port. What is no sample, as of a program that sends by mistake, keeps
-        nobody else away.
-        """
+        """As `Link`: others that sent. What is no sample, as of who sends by mistake, keeps nobody else away."""
         self._used = monotonic() if used else self._used
         (number, other), self._others = self._others, (0, "")
         text = f"another sender, {other}, which is not used: let only one program send to this port"

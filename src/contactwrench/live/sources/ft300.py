@@ -61,9 +61,7 @@ class Ft300Decoder:
         """What the last exception said."""
 
     def number(self, unanswered: bool) -> bytes:
-        """Of the next question, by TCP; whether the one before is `unanswered`: its answer, which may come yet, is told
-        by its number, where a gateway says that.
-        """
+        """Of the next question, by TCP. Where the last is `unanswered`, its answer may come yet, told by its number."""
         if unanswered:
             self._unanswered.add(self._number.to_bytes(2))
         self._number = (self._number + 1) % NUMBERS

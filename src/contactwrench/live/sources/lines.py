@@ -37,9 +37,7 @@ EXPECTED = (
 
 
 class LinesDecoder:
-    """Bytes to samples. `naming` is what the URI states of the columns, `rate` Hz of the lines of a kind, `columns` the
-    names of CSV without a header; `whole`: what is fed ends with a line's end, as a datagram does.
-    """
+    """Bytes to samples; `columns` of CSV without a header; `whole`: what is fed ends with a line's end."""
 
     def __init__(self, naming: Naming, rate: float | None, columns: Sequence[str] = (), whole: bool = False) -> None:
         self._naming, self._rate, self._whole, self.rest = naming, rate, whole, b""

@@ -45,9 +45,7 @@ AGAIN = 1.0
 
 
 class NetFtDecoder:
-    """Datagrams of whole records to samples: of `force` counts of one N and `torque` counts of one N m, at `rate` Hz;
-    `saturated` are the bits of the status that say it.
-    """
+    """Records to samples: counts of one N and one N m, at `rate` Hz; `saturated`: the bits of a status that say it."""
 
     def __init__(self, force: float, torque: float, rate: float, saturated: int) -> None:
         self._force, self._torque = 1.0 / force, 1.0 / torque

@@ -14,7 +14,6 @@ LOOK = 0.1
 """s that a read waits for the first samples."""
 NOT_A_STREAM = 100_000
 """Bytes without a sample after which what comes is no stream of the device."""
-
 ZEROED = "the box was told to zero itself: its bias is not the sensor's"
 NOT_AGAIN = (
     "the box was not told again: where it lost power it has lost its zero too, so take a new one with a free tool"
@@ -41,9 +40,7 @@ AnyLink = TypeVar("AnyLink", bound=Link)
 
 
 class Reader(Generic[AnyLink]):
-    """A source's second half; the first is `open`, which connects and then begins. `farewell` is what the device is
-    sent before the link is closed.
-    """
+    """A source's second half; `open` is the first. `farewell` is what the device is sent before the link is closed."""
 
     PORT = 0
     """That is meant where the URI has none."""

@@ -48,7 +48,8 @@ class RsiDecoder:
             x, y, z, a, b, c = numbers = _numbers(pose[1] if pose else b"", b"XYZABC")
             if not found or not isfinite(sum(numbers)):
                 raise ValueError
-            joints = _angles(data)
+            axes = _joints(data)
+            joints = tuple(radians(float(value)) for _, value in _attributes(axes[1])) if axes else None
         except ValueError:
             self.amiss = _amiss(data)
             what, _, do = self.amiss
@@ -142,9 +143,3 @@ def _amiss(data: bytes) -> tuple[str, str, str]:
 def _numbers(attributes: bytes, names: bytes) -> list[float]:
     found = dict(_attributes(attributes))
     return [float(found.get(bytes([name]), b"")) for name in names]
-
-
-def _angles(data: bytes) -> tuple[float, ...] | None:
-    """Of the axes, rad, as many as are sent."""
-    found = _joints(data)
-    return tuple(radians(float(value)) for _, value in _attributes(found[1])) if found else None
