@@ -14,7 +14,7 @@ import numpy as np
 
 from ..compensate.compensator import Compensator
 from ..geometry.quaternions import angle_between, between, unit
-from .source import Four, Sample, Three
+from .source import NO_PLACE, UNKNOWN, Four, Sample, Three
 
 KEPT = 8_192
 """More than come in a turn of the worker, which adds them before it asks: three blocks of a recording (replay.py)."""
@@ -40,8 +40,6 @@ rig, poses at 500 Hz over a network that is late by up to 5 ms, 2 ms leave 1.8 N
 """
 NEEDED = {"position": "x, y, z too", "time of their own": "t too, by its own clock"}
 """Of poses that tell a motion, and what a robot without it is to send."""
-UNKNOWN: Four = (nan, nan, nan, nan)
-NO_PLACE: Three = (nan, nan, nan)
 
 
 class PoseTrack:

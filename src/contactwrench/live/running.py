@@ -22,10 +22,10 @@ from ..samples.samples import Samples
 from ..statistics import force_and_torque
 from .history import History
 from .intake import STREAMING, Intake
-from .pose_track import NEEDED, UNKNOWN, PoseFeed
+from .pose_track import NEEDED, PoseFeed
 from .sink import Reading, Turn
 from .snapshot import Contact, Running
-from .source import About, Four, Sample, Six
+from .source import UNKNOWN, About, Four, Sample, Six
 
 CONTACTS_SHOWN = 20
 ZERO_OVER = 0.5

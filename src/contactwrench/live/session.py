@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from math import inf, isnan, nan
+from math import inf, isnan
 from typing import Any
 
 from msgspec.structs import replace
@@ -22,15 +22,14 @@ from ..samples.samples import Streams
 from .fitting import SIGNS, shown
 from .history import History, Motion, Stillness
 from .intake import Intake
-from .pose_track import NO_PLACE, PoseTrack
+from .pose_track import PoseTrack
 from .running import OF_ROBOT, OF_SENSOR, Options, Runner, shown_contact_wrench, traced
 from .sink import Pose, Reading, Turn
 from .snapshot import Command, Event, Output, Phase, Snapshot
-from .source import About, Batch, Four, Sample, Six
+from .source import NO_PLACE, NO_WRENCH, About, Batch, Four, Sample
 from .wizard import Wish, Wizard
 
 EVENTS_KEPT, NEW_EVENTS_KEPT, TRACE_EVERY, TRACE_KEPT = 50, 1_000, 1.0 / 125.0, 250
-NO_READING: Six = (nan,) * 6
 NOT_TURNED: Four = (0.0, 0.0, 0.0, 1.0)
 WARNINGS = dict.fromkeys(("refusal", "pose_refused", "finding", *OF_SENSOR, *OF_ROBOT), "warning")
 
@@ -175,7 +174,7 @@ class Session:
         delay = 0.0 if runner is None else runner.delay
         for when, sample in samples:
             orientation, age = self._track.at(when, when)
-            wrench = NO_READING if sample.wrench is None else sample.wrench
+            wrench = NO_WRENCH if sample.wrench is None else sample.wrench
             readings.append(reading := Reading(when, sample.arrival, wrench, orientation, sample.flaw))
             if runner is None:
                 continue

@@ -221,14 +221,11 @@ class _Queued(OpenSink):
         self._thread.join(DRAIN)
         if self._thread.is_alive():
             self.error = self.error or f"{self.uri}: was not done {DRAIN:g} s after the end: too slow"
-            self._drop_waiting()
-
-    def _drop_waiting(self) -> None:
-        with suppress(Empty):
-            while True:
-                turn = self._queue.get_nowait()
-                self._lost += 0 if turn is None else len(turn.readings)
-        self._queue.put(None)
+            with suppress(Empty):
+                while True:
+                    turn = self._queue.get_nowait()
+                    self._lost += 0 if turn is None else len(turn.readings)
+            self._queue.put(None)
 
     def _is_full(self, rows: int) -> bool:
         waiting = self._given - self._taken

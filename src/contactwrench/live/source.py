@@ -19,6 +19,9 @@ _SINCE_1970 = time.time() - time.monotonic()
 Six = tuple[float, float, float, float, float, float]
 Four = tuple[float, float, float, float]
 Three = tuple[float, float, float]
+NO_WRENCH: Six = (nan,) * 6
+UNKNOWN: Four = (nan,) * 4
+NO_PLACE: Three = (nan,) * 3
 
 
 def now() -> float:

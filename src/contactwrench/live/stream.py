@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from ..geometry.arrays import Array, Frozen
-from .source import HALF_OPEN, About, Batch, DeviceError, EndOfStreamError, Note, Source, now
+from .source import HALF_OPEN, NO_WRENCH, UNKNOWN, About, Batch, DeviceError, EndOfStreamError, Note, Source, now
 from .uri import source_of
 
 WAIT = 0.1
@@ -90,9 +90,8 @@ class Stream:
 def batch_of(batch: Batch) -> StreamBatch:
     """Samples as arrays."""
     samples = batch.samples
-    no_wrench, no_turn = (np.nan,) * 6, (np.nan,) * 4
-    wrench = [no_wrench if each.wrench is None or each.flaw else each.wrench for each in samples]
-    turn = [no_turn if each.orientation is None or each.flaw else each.orientation for each in samples]
+    wrench = [NO_WRENCH if each.wrench is None or each.flaw else each.wrench for each in samples]
+    turn = [UNKNOWN if each.orientation is None or each.flaw else each.orientation for each in samples]
     return StreamBatch(
         np.array([each.arrival for each in samples], dtype=np.float64),
         np.array([each.device for each in samples], dtype=np.float64),

@@ -56,9 +56,9 @@ class Reader(Generic[AnyLink]):
 
     def _zeroed_now(self) -> dict[str, str]:
         """What is to be said of its zero, once it has been told to take one, if it was to."""
-        told = {"zero": NOT_AGAIN if self._was_zeroed else ZEROED} if self._is_to_zero or self._was_zeroed else {}
+        told = ZEROED if self._is_to_zero else NOT_AGAIN if self._was_zeroed else ""
         self._is_to_zero, self._was_zeroed = False, bool(told)
-        return told
+        return {"zero": told} if told else {}
 
     def read(self, timeout: float) -> Batch:
         """As `Source`."""
