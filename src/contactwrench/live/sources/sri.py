@@ -123,10 +123,10 @@ class Sri(Reader[Tcp]):
         self._obeys = OBEYS + 2.0 * (monotonic() - begun)
         rate = self._set_rate(deadline)
         told = {"address of the box": address, **self._channels(deadline)}
-        unit = self._ask("DCPCU=?", self._soon(deadline)).upper()  # all known programs set MVPV, mV/V
+        unit = self._ask("DCPCU=?", deadline).upper()  # all known programs set MVPV, mV/V
         told["unit of its decoupling matrix"] = unit if UNIT(unit) else "not told"
         for command in (SUMS, *(["ADJZF=1;1;1;1;1;1"] if self._is_to_zero else [])):
-            told[command] = _outcome(command, self._ask(command, self._soon(deadline)))
+            told[command] = _outcome(command, self._ask(command, deadline))
         told |= self._zeroed_now()
         self._begin(decoder := SriDecoder(rate or self._asked or USUAL_RATE))
         self._link.send(b"AT+GSD\r\n")
@@ -135,9 +135,9 @@ class Sri(Reader[Tcp]):
 
     def _channels(self, deadline: Deadline) -> dict[str, str]:
         """Have it send N and N m, and what it says to that. Raises `DeviceError`: it sends counts."""
-        said = self._ask(CHANNELS, self._soon(deadline))
+        said = self._ask(CHANNELS, deadline)
         if said in ("", ERROR):  # it stays as it is, and may say how that is
-            said = self._ask("SGDM=?", self._soon(deadline)) or said
+            said = self._ask("SGDM=?", deadline) or said
         if COUNTS(said):
             do = f"set AT+{CHANNELS} in its maker's program, with the sensor's decoupling matrix"
             raise self._link.error(f"AD counts ({said})", "N and N m", do)
@@ -151,30 +151,29 @@ class Sri(Reader[Tcp]):
         do = f"set AT+{SUMS} and AT+{CHANNELS} in its maker's program"
         return self._link.error(instead, f"packets of {SIZE}, one sample of six channels, a number and a sum", do)
 
-    def _soon(self, deadline: Deadline) -> Deadline:
-        """For a command that an older box may not know."""
-        return self._link.deadline(min(self._obeys, deadline.left))
-
     def _set_rate(self, deadline: Deadline) -> float | None:
         """What the box says its rate is; older boxes call it by another name."""
         wanted = f"{self._asked:g}" if self._asked else "?"
         for name in ("SMPF", "SMPR"):
-            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", self._soon(deadline)))
+            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", deadline))
             if found:
                 return float(found[0]) or None
         return None
 
     def _ask(self, command: str, deadline: Deadline, needed: bool = False) -> str:
-        """The value that the box answers to a command, `ERROR`; empty: nothing. Raises `DeviceError`."""
+        """The value that the box answers to a command, `ERROR`; empty: nothing. One that is not `needed` an older box
+        may not know. Raises `DeviceError`.
+        """
+        until = deadline if needed else self._link.deadline(min(self._obeys, deadline.left))
         self._link.send(f"AT+{command}\r\n".encode())
         name = command.partition("=")[0].encode()
         answer = re.compile(rb"ACK\+" + name + rb"=([^\r\n]*)\r?\n")
         while (found := answer.search(self._answers)) is None:
-            if not deadline.left:
+            if not until.left:
                 if needed:
                     raise self._link.silent(EXPECTED)
                 return ""
-            self._answers += b"".join(self._link.receive(deadline.left))
+            self._answers += b"".join(self._link.receive(until.left))
             if len(self._answers) > 15 and b"ACK+" not in self._answers and HEADER[:2] not in self._answers:
                 raise self._link.another(self._answers, EXPECTED)
         self._answers = self._answers[found.end() :]
