@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.live.sinks.recorder import Recorder
+from contactwrench.live.sinks.file import Recorder
 from tests.support.recordings import run
 from tests.support.turns import RATE, turn
 
@@ -24,7 +24,7 @@ import sys
 from pathlib import Path
 from time import monotonic, sleep
 from contactwrench.live.sink import open_sink
-from contactwrench.live.sinks.recorder import Recorder
+from contactwrench.live.sinks.file import Recorder
 from contactwrench.live.uri import sink_of
 from tests.support.turns import RATE, turn
 folder = Path(sys.argv[1])

@@ -20,7 +20,7 @@ import contactwrench as cw
 from contactwrench.errors import FileAccessError, FileFormatError
 from contactwrench.live.sink import NO_TURN, Sink, Turn
 from contactwrench.live.sinks import file as file_sinks
-from contactwrench.live.sinks.recorder import Recorder
+from contactwrench.live.sinks.file import Recorder
 from contactwrench.live.uri import sink_of
 from contactwrench.recording.bags.open import messages, opened_bag
 from contactwrench.recording.contents import contents

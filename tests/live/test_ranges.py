@@ -12,8 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.lab.ft300 import Ft300
-from contactwrench.lab.robotiq import Robotiq
+from contactwrench.lab.ft300 import Ft300, Robotiq
 from contactwrench.lab.truth import Plain
 from contactwrench.live.running import Options
 from contactwrench.live.session import Session

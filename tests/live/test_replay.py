@@ -18,7 +18,7 @@ from contactwrench.errors import InputError
 from contactwrench.live import replay as replays
 from contactwrench.live.replay import ROWS, Replay
 from contactwrench.live.sink import Turn
-from contactwrench.live.sinks.recorder import Recorder
+from contactwrench.live.sinks.file import Recorder
 from contactwrench.live.source import EndOfStreamError, Note, Sample, now
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.recording.options import Options

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactwrench.live.pose_feed import PoseFeed
+from contactwrench.live.pose_track import PoseFeed
 from contactwrench.live.running import NOT_SUBTRACTED, OF_ACCELEROMETER
 from contactwrench_ros.monitoring import OK, WARN
 from contactwrench_ros.parameters import defaults

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.lab.truth import FlangePose
-from contactwrench.live.pump import Ports, Pump, Reader
+from contactwrench.live.pump import Pump, Reader
 from contactwrench.live.session import Session
 from contactwrench.live.sink import Turn, open_sink
 from contactwrench.live.snapshot import Event
@@ -123,8 +123,8 @@ class Chain:
             robot=uris.get("robot"),
         )
         self.session = session
-        ways = Ports(self._publish, self.events.append, outlets=(open_sink(self._kept),))
-        self.pump = Pump(session, readers, ways)
+        outlets = (open_sink(self._kept),)
+        self.pump = Pump(session, readers, publish=self._publish, say=self.events.append, outlets=outlets)
         self.pump.start()
 
     def _publish(self, snapshot: bytes) -> None:

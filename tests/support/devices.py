@@ -10,10 +10,9 @@ from threading import Thread
 from time import monotonic, sleep
 from typing import Any
 
-from contactwrench.lab.ft300 import Ft300
+from contactwrench.lab.ft300 import Ft300, Robotiq
 from contactwrench.lab.lines import TcpLines, UdpLines
 from contactwrench.lab.netft import SATURATED, NetFt
-from contactwrench.lab.robotiq import Robotiq
 from contactwrench.lab.rsi import Rsi
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.truth import Plain

@@ -7,8 +7,7 @@ from math import inf
 from contactwrench.calibration.dynamics import Dynamics
 from contactwrench.compensate.compensator import Compensator
 from contactwrench.compensate.faults import Reason
-from contactwrench.live.pose_feed import NEEDED, PoseFeed
-from contactwrench.live.pose_track import PoseTrack
+from contactwrench.live.pose_track import NEEDED, PoseFeed, PoseTrack
 from contactwrench.live.running import NOT_SUBTRACTED, OF_ACCELEROMETER
 from contactwrench.live.source import Sample
 

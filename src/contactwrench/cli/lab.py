@@ -90,13 +90,13 @@ def lab(
 
 
 def _sensor(kind: str, truth: Truth, ports: list[int]) -> Fake:
-    from ..lab import ft300, lines, netft, robotiq, sri
+    from ..lab import ft300, lines, netft, sri
 
     made: dict[str, Callable[[], Fake]] = {
         "sri": lambda: sri.Sri(truth, port=ports[0]),
         "netft": lambda: netft.NetFt(truth, port=ports[0], http_port=ports[1]),
         "ft300": lambda: ft300.Ft300(truth, port=ports[0]),
-        "robotiq": lambda: robotiq.Robotiq(truth, port=ports[0]),
+        "robotiq": lambda: ft300.Robotiq(truth, port=ports[0]),
         "lines": lambda: lines.TcpLines(truth, shows="wrench", port=ports[0]),
     }
     return made[kind]()

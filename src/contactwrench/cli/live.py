@@ -90,11 +90,11 @@ def live(
     from ..calibration.calibration import Calibration
     from ..live.devices import require_devices
     from ..live.page import Hub, serve
-    from ..live.pump import Ports, Pump
+    from ..live.pump import Pump
     from ..live.running import Options
     from ..live.session import Session
     from ..live.sink import open_sink
-    from ..live.sinks.recorder import Recorder
+    from ..live.sinks.file import Recorder
     from ..live.uri import parsed, sink_of
     from .lab import Hands
     from .live_terminal import LOADED, Before, say
@@ -153,7 +153,8 @@ def live(
         if known is None:
             before.compile(0.0)  # while a person is at the wizard
         publish = hub.publish if page or wizard else None
-        pump = Pump(session, readers, Ports(publish, partial(say, *words), hub.commands, outlets, keeper))
+        says = partial(say, *words)
+        pump = Pump(session, readers, publish=publish, say=says, asked=hub.commands, outlets=outlets, recorder=keeper)
         before.end(readers.values())
         _until_a_signal(pump, hub if wizard else None, page, "" if recorded is None else f"the end of {recorded} or ")
 

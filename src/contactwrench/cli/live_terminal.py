@@ -172,7 +172,7 @@ class Terminal:
             options.say(f"{asked}\n  [{can}]" if can else asked, err=True)
 
     def _listen(self) -> None:
-        from ..live.page.hub import Ask
+        from ..live.page.app import Ask
 
         for line in sys.stdin or ():
             word, _, number = line.strip().partition(" ")

@@ -29,15 +29,11 @@ class Control(TcpFake):
         while (end := client.inbox.find(b"\n")) >= 0:
             line = bytes(client.inbox[:end])
             del client.inbox[: end + 1]
-            answer = msgspec.json.encode(self._answered(line), enc_hook=lambda array: array.tolist())
-            self._answer(client, answer + b"\n")
-
-    def _answered(self, line: bytes) -> dict[str, Any]:
-        try:
-            order = msgspec.json.decode(line, type=dict[str, Any])
-            return self._obeyed(order)
-        except (InputError, msgspec.DecodeError, TypeError, ValueError) as error:
-            return {"error": str(error)}
+            try:
+                answer = self._obeyed(msgspec.json.decode(line, type=dict[str, Any]))
+            except (InputError, msgspec.DecodeError, TypeError, ValueError) as error:
+                answer = {"error": str(error)}
+            self._answer(client, msgspec.json.encode(answer, enc_hook=lambda array: array.tolist()) + b"\n")
 
     def _obeyed(self, order: dict[str, Any]) -> dict[str, Any]:
         lab = self._lab

@@ -30,10 +30,7 @@ Fault: TypeAlias = Callable[[Packets], "Packets | None"]
 
 
 class Clock:
-    """A device's own: row k is at `start + k / rate`, where `rate` is what its quartz makes of the one it means.
-
-    Deadlines are absolute, so that no time is lost between them.
-    """
+    """A device's own: row k is at `start + k / rate`, `rate` being what its quartz makes of the one it means."""
 
     def __init__(self, rate: float, drift: float, jitter: float) -> None:
         self._drift, self._jitter, self._rng = drift, jitter, np.random.default_rng(0)
@@ -72,18 +69,10 @@ class Clock:
 
 
 class Fake(ABC):
-    """A fake device in a `with` block.
+    """A fake device in a `with` block, of `rate` rows a second, on a `port` of 127.0.0.1, 0: any that is free.
 
-    Args:
-        rate: of its rows, Hz.
-        port: of 127.0.0.1; 0: any that is free, see `port`.
-        clock_drift: of its clock, ppm: above 0 it is fast.
-        jitter: by which its packets are late at most, s.
-        true_rate: what it sends at whatever it is asked for, Hz; None: as asked.
-        host: it listens on.
-
-    Raises:
-        FileAccessError: the port is taken.
+    `clock_drift` ppm: above 0 its clock is fast; `jitter` s: by which its packets are late at most; `true_rate` Hz:
+    what it sends at whatever it is asked for. Raises `FileAccessError`: the port is taken.
     """
 
     scheme: str
@@ -100,12 +89,8 @@ class Fake(ABC):
         host: str = LOCALHOST,
     ) -> None:
         self.truth, self.host, self.port, self._true_rate = truth, host, port, true_rate
-        self.rate = rate
-        """What it was asked for, Hz."""
-        self.counter = 0
-        """Of its next packet."""
-        self.state = 0
-        """The status that it shows."""
+        self.rate = rate  # what it was asked for, Hz
+        self.counter, self.state = 0, 0  # of its next packet; and the status that it shows
         self.clock = Clock(true_rate or rate, clock_drift, jitter)
         self._powered = monotonic()
         self._orders: deque[tuple[Callable[[], None], Event]] = deque()

@@ -67,6 +67,7 @@ class TcpLines(TcpFake):
     """Sends to whoever connects."""
 
     scheme = "tcp"
+    SENDS_UNASKED = True
 
     def __init__(
         self, truth: Truth, rate: float = 250.0, *, form: Form = "json", shows: Shows = "both", **more: Any
@@ -75,12 +76,8 @@ class TcpLines(TcpFake):
         self._form, self._names = form, NAMES[shows]
 
     def _accepted(self, client: Client) -> None:
-        client.wants_rows = True
         if self._form == "csv":
             self._to(client, [_header(self._names)])
-
-    def _received(self, client: Client) -> None:
-        client.inbox.clear()
 
     def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
         rate = self.clock.rate

@@ -29,16 +29,9 @@ SATURATED = 0xC000_0000
 
 
 class NetFt(UdpFake):
-    """The box.
-
-    Args:
-        rate: Hz.
-        http_port: of the page; 0: any that is free, see `http_port`.
-        counts: per unit of force, and of torque.
-        units: of force and of torque, as the page spells them; the truth is taken to be in them.
-
-    Attributes:
-        asked: every command that has come, to see that nobody zeroes the sensor.
+    """The box. `http_port` is that of its page, 0: any that is free; `counts` are those of a unit of force, and of
+    torque, `units` as the page spells them, in which the truth is taken to be. `asked`: every command that has come, to
+    see that nobody zeroes the sensor.
     """
 
     scheme = "netft"

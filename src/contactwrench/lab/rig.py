@@ -9,25 +9,26 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 from operator import attrgetter
 from threading import Lock
 from time import monotonic
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from ..assess.robot_arms import known_arm, within_limits
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
-from ..geometry.orientation import rotation_matrices
+from ..geometry.orientation import rotation_matrices, to_quat_xyzw
 from ..geometry.ranges import PLACE
+from ..simulate.arm import MAX_SPEED
 from ..simulate.kinematics import HOME, joints_for
-from ..simulate.rig import JOINTS, build
+from ..simulate.rig import JOINTS, Rig, build, inverse_dynamics
 from ..simulate.sensor import SensorStream
 from ..simulate.settings import Settings
-from ..simulate.trajectory import MOVE_SPEED, RISE, share_of_push
-from . import motion
+from ..simulate.trajectory import MOVE_SPEED, PEAK, RISE, share_of_push
 from .truth import FlangePose
 
 Axes: TypeAlias = Literal["sensor", "flange", "base"]
@@ -35,14 +36,74 @@ Point: TypeAlias = Literal["hook", "axis"]
 
 SOON = 0.15
 """s from an order to the first motion: the move is worked out meanwhile, and nobody has asked for that time yet."""
+KNOT = 0.002
+"""s between the moments that MuJoCo computes; between them all is taken for linear: 1e-6 rad of the flange."""
+SHORTEST, TURNING_ROUND = 0.4, 1.6
+"""s: of a move over no distance; and of the shortest that begins on the way elsewhere: the arm must not stop hard."""
 REMEMBERED = 60.0
 """s: how far back a device may ask."""
 FORCE = 1000.0
 """N: the largest push."""
-WORKPIECE = 0.05
-"""m above the base: its surface, which no planned pose reaches."""
-STIFFNESS = 2000.0
-"""N/m of the workpiece: 10 N at 5 mm."""
+WORKPIECE, STIFFNESS = 0.05, 2000.0
+"""m above the base: its surface, which no planned pose reaches; and N/m: 10 N at 5 mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """`joints` (k, 7), `wrench` (k, 6) of the free tool on the sensor, quaternions `quat_xyzw` (k, 4) of
+    `R_base_flange`, `position` (k, 3) at k moments, `KNOT` apart from `start` on until `end`; then the arm rests.
+    `path` is the joints' polynomial.
+    """
+
+    start: float
+    end: float
+    path: Any
+    joints: Array
+    wrench: Array
+    quat_xyzw: Array
+    position: Array
+
+    def at(self, values: Array, t: Array) -> Array:
+        """Of such values (k, d), those at times (n,) that rise: (n, d)."""
+        if t[0] >= self.end:
+            return np.broadcast_to(values[-1], (len(t), values.shape[1]))
+        knot = np.minimum(np.maximum((t - self.start) / KNOT, 0.0), len(values) - 1.0)
+        before = np.minimum(knot.astype(np.intp), len(values) - 2)
+        return np.asarray(values[before] + (knot - before)[:, None] * (values[before + 1] - values[before]))
+
+    def state(self, t: float) -> Array:
+        """Joints, their velocity and their acceleration (3, 7)."""
+        since = min(max(t, self.start), self.end) - self.start
+        return np.stack([self.path(since, derivative) for derivative in range(3)])
+
+    def pose(self, t: float) -> FlangePose:
+        """Where the flange and the joints are at a moment."""
+        quat_xyzw, position, joints = (
+            self.at(values, np.array([t])) for values in (self.quat_xyzw, self.position, self.joints)
+        )
+        return FlangePose(_matrices(quat_xyzw)[0], quat_xyzw[0], position[0], joints[0])
+
+    @cached_property
+    def rest(self) -> FlangePose:
+        """Where the arm rests then."""
+        return self.pose(self.end)
+
+
+def planned_move(rig: Rig, state: Array, joints: Array, start: float, speed: float) -> Move:
+    """The motion of least jerk (Flash and Hogan 1985) from a state (3, 7), joints, velocity and acceleration, to rest
+    at joints (7,), from `start` s on; `speed`: of the joint that has furthest to go, of its largest.
+    """
+    from scipy.interpolate import BPoly
+
+    furthest = float((np.abs(joints - state[0]) / MAX_SPEED).max())
+    duration = max(PEAK * furthest / speed, TURNING_ROUND if np.abs(state[1:]).max() > 1e-9 else SHORTEST)
+    path = BPoly.from_derivatives([0.0, duration], [[*state], [joints, np.zeros(7), np.zeros(7)]])
+    t = np.minimum(np.arange(int(np.ceil(duration / KNOT)) + 1) * KNOT, duration)
+    physics = inverse_dynamics(rig, *(path(t, derivative) for derivative in range(3)))
+    quat_xyzw = to_quat_xyzw(physics.R_base_flange)
+    turned = np.where((quat_xyzw[1:] * quat_xyzw[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    quat_xyzw[1:] *= np.cumprod(turned)[:, None]
+    return Move(start, start + duration, path, physics.joints, physics.wrench, quat_xyzw, physics.position)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,15 +144,9 @@ class Sensor:
 
 
 class Lab:
-    """The virtual lab; it begins at rest at `HOME`. It is a `Truth`; a second device takes `sensor()`.
-
-    Args:
-        settings: of the rig.
-        seed: of the sensors' noise.
-        speed: of a move, of the largest speed of the joint that has furthest to go, 0 to 1.
-
-    Raises:
-        MissingExtraError: mujoco is not installed.
+    """The virtual lab; it begins at rest at `HOME`. It is a `Truth`; a second device takes `sensor()`. `seed` is that
+    of the sensors' noise; `speed` that of a move, of the largest of the joint that has furthest to go, 0 to 1. Raises
+    `MissingExtraError`: mujoco is not installed.
     """
 
     def __init__(self, settings: Settings | None = None, seed: int = 0, speed: float = MOVE_SPEED) -> None:
@@ -100,8 +155,7 @@ class Lab:
         self.settings = Settings() if settings is None else settings
         self._rig, self._speed, self._orders = build(self.settings), speed, Lock()
         resting = np.stack([HOME, np.zeros(JOINTS), np.zeros(JOINTS)])
-        self._moves = [motion.move(self._rig, resting, HOME, monotonic() - REMEMBERED, speed)]
-        self._resting = (self._moves[0], _pose(self._moves[0], monotonic()))
+        self._moves = [planned_move(self._rig, resting, HOME, monotonic() - REMEMBERED, speed)]
         self._pushes: list[_Push] = []
         self._R_flange_sensor = self.settings.R_flange_sensor
         self._hook = np.array(self.settings.tool.hook)
@@ -129,7 +183,7 @@ class Lab:
         with self._orders:
             joints = self._joints(np.asarray(target, dtype=np.float64), position)
             start = max(monotonic() + SOON, self._moves[-1].start)
-            ahead = motion.move(self._rig, self.move_at(start).state(start), joints, start, self._speed)
+            ahead = planned_move(self._rig, self.move_at(start).state(start), joints, start, self._speed)
             kept = max(bisect_right(self._moves, start - REMEMBERED, key=attrgetter("start")) - 1, 0)
             self._moves = [*self._moves[kept:], ahead]
         return ahead.end - monotonic()
@@ -154,16 +208,9 @@ class Lab:
     def push(
         self, force: Sequence[float] | Array, frame: Axes = "sensor", duration: float | None = None, at: Point = "hook"
     ) -> None:
-        """Push the tool from now on; pushes add up.
-
-        Args:
-            force: (3,), N, on the tool.
-            frame: its axes, with which it turns.
-            duration: s, above 0; None: until `release`.
-            at: the tool's hook, or the point of the sensor's axis beside it, about which a push down turns nothing.
-
-        Raises:
-            InputError: no force, or one that nobody pushes with, or for no time.
+        """Push the tool with a force (3,), N, in axes with which it turns, from now on for a `duration` above 0, s, or
+        until `release`; pushes add up. It acts on the tool's hook, or on the point of the sensor's axis beside it,
+        about which a push down turns nothing. Raises `InputError` for what nobody pushes with, or for no time.
         """
         newton, now = np.array(force, dtype=np.float64), monotonic()
         if newton.shape != (3,) or not np.all(np.abs(newton) <= FORCE):
@@ -184,7 +231,7 @@ class Lab:
         for push in self._pushes:
             push.end = min(push.end, end)
 
-    def move_at(self, t: float) -> motion.Move:
+    def move_at(self, t: float) -> Move:
         """The move that the arm is in at a moment, or rests after."""
         moves = self._moves
         return moves[max(bisect_right(moves, t, key=attrgetter("start")) - 1, 0)]
@@ -192,11 +239,7 @@ class Lab:
     def pose_at(self, t: float) -> FlangePose:
         """Where the flange and the joints are, or were, at a moment."""
         move = self.move_at(t)
-        if t < move.end:
-            return _pose(move, t)
-        if self._resting[0] is not move:
-            self._resting = (move, _pose(move, t))
-        return self._resting[1]
+        return move.pose(t) if t < move.end else move.rest
 
     def true_wrench(self, t: Array) -> Array:
         """What tool and environment exert on the sensor (n, 6), N and N m, sensor axes, at times (n,) that rise."""
@@ -233,20 +276,9 @@ class Lab:
         """`R_base_flange` (n, 3, 3) and position (n, 3), all of one move."""
         move = self.move_at(t[0])
         if move.end <= t[0]:
-            pose = self.pose_at(t[0])
+            pose = move.rest
             return np.broadcast_to(pose.R_base_flange, (len(t), 3, 3)), np.broadcast_to(pose.position, (len(t), 3))
         return _matrices(move.at(move.quat_xyzw, t)), move.at(move.position, t)
-
-
-def _pose(move: motion.Move, t: float) -> FlangePose:
-    moment = np.array([t])
-    quat_xyzw = move.at(move.quat_xyzw, moment)
-    return FlangePose(
-        _matrices(quat_xyzw)[0],
-        quat_xyzw[0],
-        move.at(move.position, moment)[0],
-        move.at(move.joints, moment)[0],
-    )
 
 
 def _matrices(quat_xyzw: Array) -> Array:

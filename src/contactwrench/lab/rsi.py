@@ -22,17 +22,11 @@ POSE = ("X", "Y", "Z", "A", "B", "C")
 
 
 class Rsi(UdpFake):
-    """The controller. A datagram has no connection: `cut` ends its program.
+    """The controller, with a `cycle` of 0.004 or 0.012 s; `target`, host and port, answers. A datagram has no
+    connection: `cut` ends its program.
 
-    Args:
-        target: host and port of who answers.
-        cycle: 0.004 or 0.012 s.
-        most_late: late answers after which the robot stops, once there was one: a session may be started after the lab.
-
-    Attributes:
-        delays: cycles without an answer in time.
-        stopped: whether there were too many.
-        correction: the last one (6,), mm and degrees, that came in time.
+    `delays` are cycles without an answer in time; after `most_late` of them, once there was an answer, the robot has
+    `stopped`: a session may be started after the lab. `correction` (6,), mm and degrees: the last that came in time.
     """
 
     scheme = "rsi"

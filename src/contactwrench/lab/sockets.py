@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 from abc import abstractmethod
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from select import select
@@ -29,16 +30,22 @@ def free_port() -> int:
 
 @dataclass(eq=False)
 class Client:
-    """Who has connected; what has come from there and is not yet understood; whether rows are wanted."""
+    """Who has connected; what has come from there and is not yet understood; whether rows are wanted, which fields of
+    them where that is `asked`, and of how many rows one.
+    """
 
     socket: socket.socket
     inbox: bytearray = field(default_factory=bytearray)
     wants_rows: bool = False
+    asked: Sequence[str] = ()
+    every: int = 1
 
 
 class TcpFake(Fake):
     """A device that is a TCP server, for any number of clients."""
 
+    SENDS_UNASKED = False
+    """Whether all clients want rows from the beginning on."""
     _listener: socket.socket
 
     def _open(self) -> None:
@@ -73,7 +80,7 @@ class TcpFake(Fake):
     def _accept(self, connection: socket.socket) -> None:
         connection.settimeout(PATIENCE)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        client = Client(connection)
+        client = Client(connection, wants_rows=self.SENDS_UNASKED)
         self._clients.append(client)
         self._accepted(client)
 
@@ -94,9 +101,9 @@ class TcpFake(Fake):
         except (ValueError, struct.error):  # it speaks another protocol
             self._drop(client)
 
-    @abstractmethod
     def _received(self, client: Client) -> None:
-        """Understand what is in the client's inbox, and take it out."""
+        """Understand what is in the client's inbox, and take it out: a device that only sends leaves it."""
+        client.inbox.clear()
 
     def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
         """A packet a row, for a client: a device that answers and no more has none."""

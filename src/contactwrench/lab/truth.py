@@ -50,9 +50,8 @@ class Truth(Protocol):
 
 @dataclass
 class Plain:
-    """A truth without physics: row k of the wrench is `wrench + k * step`, and the flange stays.
-
-    A step of (1, 0, 0, 0, 0, 0) numbers the rows in fx. `rows` counts those that were asked for.
+    """A truth without physics: row k of the wrench is `wrench + k * step`, so that a step of (1, 0, 0, 0, 0, 0) numbers
+    the rows in fx, and the flange stays. `rows` counts those that were asked for.
     """
 
     wrench: Sequence[float] = NOTHING

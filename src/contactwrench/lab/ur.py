@@ -46,8 +46,6 @@ class Ur(TcpFake):
         self.state = NORMAL
         self._version = (3, 15, 8, 0) if cb3 else (5, 15, 0, 0)
         self._offset = np.array(tcp_offset, dtype=np.float64)
-        self._recipes: dict[Client, tuple[list[str], int]] = {}
-        """The fields that a client gets, and of how many ticks one."""
         self._fields: dict[str, tuple[str, Callable[[_Moment], Any]]] = {
             "timestamp": ("DOUBLE", lambda at: [self.uptime(at.t)]),
             "actual_q": ("VECTOR6D", lambda at: at.pose.joints[:6]),
@@ -99,9 +97,8 @@ class Ur(TcpFake):
         elif kind == "I":
             answer = b"\x01" + ",".join(["NOT_FOUND"] * len(payload.split(b","))).encode()
         elif kind in "SP":
-            known = client in self._recipes
-            client.wants_rows = known and kind == "S"
-            answer = struct.pack(">B", known)
+            client.wants_rows = bool(client.asked) and kind == "S"
+            answer = struct.pack(">B", bool(client.asked))
         else:
             return
         self._answer(client, _package(kind, answer))
@@ -112,21 +109,17 @@ class Ur(TcpFake):
         kinds = [self._fields[name][0] if name in self._fields else "NOT_FOUND" for name in names]
         if "NOT_FOUND" in kinds:
             return b"\x00" + ",".join(kinds).encode()
-        self._recipes[client] = (names, max(round(self.rate / max(frequency, 1.0)), 1))
+        client.asked, client.every = names, max(round(self.rate / max(frequency, 1.0)), 1)
         return b"\x01" + ",".join(kinds).encode()
 
-    def _drop(self, client: Client) -> None:
-        super()._drop(client)
-        self._recipes.pop(client, None)
-
     def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
-        names, every = self._recipes[client]
-        form = struct.Struct(">B" + "".join(FORMS[self._fields[name][0]] for name in names))
+        fields = [self._fields[name] for name in client.asked]
+        form = struct.Struct(">B" + "".join(FORMS[kind] for kind, _ in fields))
         packets = []
-        for k in range(-self.counter % every, len(rows), every):
+        for k in range(-self.counter % client.every, len(rows), client.every):
             t = t0 + k / self.clock.rate
             at = _Moment(t, rows[k], self.truth.pose_at(t))
-            values = [value for name in names for value in self._fields[name][1](at)]
+            values = [value for _, values_at in fields for value in values_at(at)]
             packets.append(_package("U", form.pack(1, *values)))
         return packets
 

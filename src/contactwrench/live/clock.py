@@ -36,18 +36,14 @@ comes at less than 1.04 times the pace at which it was taken is not told from a 
 """
 FALLS = 2.0
 """s of falling: so long no queue is read, but a recording at twice its pace, or a clock that is fast by a twentieth."""
-
-
 AGAIN, OFTEN = 0.5, 5
 """s from one beginning to the next, and how many in a row, that are no restart of a device: its clock never goes on."""
 
 
 class Clock:
     """Turns (arrival, device's time) of one device, in order, into times of arrival without the network's jitter.
-
-    Attributes:
-        pace: s that pass in one of the device's, where that is none of a quartz.
-        lateness: s by which samples come later than the soonest, on average.
+    `pace` is s that pass in one of the device's, where that is none of a quartz; samples come `lateness` s later than
+    the soonest, on average.
     """
 
     def __init__(self) -> None:

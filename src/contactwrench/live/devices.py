@@ -11,7 +11,7 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..model import AXES
-from .rate import Windows
+from .arrivals import Windows
 from .source import About, Batch, DeviceError, EndOfStreamError, NobodyYetError, Six, Source, now
 
 PROBE, COUNTED = (0.7, 0.2), 2
@@ -24,28 +24,16 @@ LOOK = 0.1
 """s that a read waits."""
 SAME = 0.01
 """Part by which a rate is another one."""
-OF_DEVICE = {"sensor": "live_sensor", "robot": "live_robot"}
-"""Where a calibration has the name of each."""
 
 
 def probed(
     source: Source, *, wrench: bool, orientation: bool, say: Callable[[str], None] | None = None
 ) -> tuple[About, Batch]:
-    """Open a source, and make sure that it gives what is wanted as fast as it was asked to.
+    """Open a source, and make sure that it gives what is wanted as fast as it was asked to: what it says of itself, and
+    what came meanwhile. One to which nobody sends yet is waited for where there is somebody to `say` that to, once.
 
-    Args:
-        source: not open.
-        wrench: whether it is to give wrenches.
-        orientation: whether it is to give orientations.
-        say: is told once what is waited for, of a source to which nobody sends yet, for as long as it takes; None: it
-            is not waited for.
-
-    Returns:
-        What it says of itself, and what came meanwhile.
-
-    Raises:
-        DeviceError: it does not answer, or is another device.
-        InputError: it gives something else, or at another rate.
+    Raises `DeviceError`: it does not answer, or is another device; `InputError`: it gives something else, or at another
+    rate.
     """
     about = _opened(source, say)
     try:
@@ -104,7 +92,7 @@ def _at_its_rate(source: Source, about: About) -> Batch:
 
 def with_devices(calibration: Calibration, sensor: About, robot: About) -> Calibration:
     """The calibration with the names of its devices."""
-    names = {OF_DEVICE["sensor"]: sensor.name, OF_DEVICE["robot"]: robot.name}
+    names = {"live_sensor": sensor.name, "live_robot": robot.name}
     return replace(calibration, provenance={**calibration.provenance, **names})
 
 
@@ -114,9 +102,7 @@ def _kind(name: str) -> str:
 
 
 def require_same(uri: str, before: About, about: About) -> None:
-    """Raise `DeviceError` where a device that is connected to again is of another kind, or gives its wrenches at
-    another rate, by which they are filtered.
-    """
+    """Raise `DeviceError` where a device that is connected to again is of another kind, or has another rate."""
     found, expected = "", ""
     if _kind(about.name) != _kind(before.name):
         found, expected = about.name, before.name
@@ -133,8 +119,8 @@ def require_devices(
     """Raise `InputError` where a calibration, called `name`, is of another kind of sensor or robot, or exceeds what the
     sensor can read: its ranges as `stated`, else as it states them. A calibration that names none is believed.
     """
-    for role, about in (("sensor", sensor), ("robot", robot)):
-        known = calibration.provenance.get(OF_DEVICE[role])
+    for name_of, about in (("live_sensor", sensor), ("live_robot", robot)):
+        known = calibration.provenance.get(name_of)
         if known is not None and _kind(str(known)) != _kind(about.name):
             raise InputError(f"{name}: found the calibration of {known}, expected one of {about.name}: name its own")
     if (ranges := stated or sensor.ranges) is not None:

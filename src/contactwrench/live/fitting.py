@@ -79,7 +79,8 @@ def fitted(poses: tuple[Taken, ...], pushes: tuple[Push, ...], stated: Stated, s
                 refusals.append(str(error))
                 continue
             if not pushes:
-                untested = calibration if stated.sign else _doubted(calibration, Kind.SIGN_NOT_CONFIRMED, NOT_TESTED)
+                doubt = Finding.doubtful(Kind.SIGN_NOT_CONFIRMED, NOT_TESTED)
+                untested = calibration if stated.sign else _with(calibration, doubt)
                 return Fitted(untested, sign, settled=f"{name}, as assumed: no push was felt")
             if wrong := contradiction(calibration, pushes, sign):
                 against.append(wrong)
@@ -91,21 +92,21 @@ def fitted(poses: tuple[Taken, ...], pushes: tuple[Push, ...], stated: Stated, s
             if gravity == other_side:
                 towards = ",".join(f"{part:g}" for part in other_side)
                 told = OTHER_SIDE.format(base=base, towards=towards)
-                tested = _doubted(tested, Kind.SIGN_NOT_CONFIRMED, told)
+                tested = _with(tested, Finding.doubtful(Kind.SIGN_NOT_CONFIRMED, told))
             return Fitted(tested, sign, settled=settled)
     if against:
         return Fitted(None, 1.0, f"{against[0]}: push again as asked, or check the robot's pose and frames")
-    return Fitted(None, 1.0, refusals[0] if refusals else "there are no poses yet")
+    return Fitted(None, 1.0, refusals[0])
 
 
-def _doubted(calibration: Calibration, kind: Kind, text: str) -> Calibration:
-    return replace(calibration, findings=(*calibration.findings, Finding.doubtful(kind, text)))
+def _with(calibration: Calibration, finding: Finding) -> Calibration:
+    return replace(calibration, findings=(*calibration.findings, finding))
 
 
 def with_check(calibration: Calibration, passed: bool, reason: str) -> Calibration:
     """The calibration, doubtful where it failed on new poses."""
     told = f"the check on new poses failed: {reason}"
-    return calibration if passed else _doubted(calibration, Kind.FAILED_CHECK, told)
+    return calibration if passed else _with(calibration, Finding.doubtful(Kind.FAILED_CHECK, told))
 
 
 def with_delay(calibration: Calibration, streams: Streams | None) -> Calibration:
@@ -116,9 +117,8 @@ def with_delay(calibration: Calibration, streams: Streams | None) -> Calibration
         delay = estimate_delay(streams, calibration.gravity_direction)
     except ContactWrenchError:
         return calibration
-    if not np.isfinite(delay.std):
-        return calibration
-    return replace(calibration, delay=delay.value, delay_std=delay.std)
+    told = bool(np.isfinite(delay.std))
+    return replace(calibration, delay=delay.value, delay_std=delay.std) if told else calibration
 
 
 def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibration:
@@ -148,7 +148,7 @@ def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibrati
 def _without_inertia(calibration: Calibration, why: str) -> Calibration:
     """The calibration, with a word on what its tool does while the arm accelerates."""
     text = f"the tool's inertia is not known, and reads as contact while the arm accelerates: {why}"
-    return replace(calibration, findings=(*calibration.findings, Finding(Kind.UNTOLD_BY_MOTION, Severity.NOTE, text)))
+    return _with(calibration, Finding(Kind.UNTOLD_BY_MOTION, Severity.NOTE, text))
 
 
 def doubts_of(calibration: Calibration, poses: tuple[Taken, ...]) -> dict[int, str]:

@@ -8,9 +8,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..samples.samples import LARGEST_READING
-from .bursts import Bursts, Waited
+from .arrivals import Bursts, Rate, Waited
 from .clock import LATE, Clock
-from .rate import Rate
 from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
 
@@ -50,10 +49,10 @@ class Intake:
         self.about: About | None = None
         self.state, self.text = CONNECTING, ""
         self.clock = Clock()
-        self._rate, self._bursts, self._in_bursts = Rate(None, -inf), Bursts(), False
+        self._rate = Rate(None, -inf)
         self.samples = self.lost = self.repeated = self.wrong = 0
         self._newest = self._arrived = -inf
-        self._usual, self._waited = inf, Waited()
+        self._forget()
         self._reasons = set[str]()
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
@@ -62,6 +61,10 @@ class Intake:
         self._told, self._pace = (0, 0), 1.0
         self._has_time = False
 
+    def _forget(self) -> None:
+        """How its samples came: it may be another now."""
+        self._bursts, self._in_bursts, self._usual, self._waited = Bursts(), False, inf, Waited()
+
     def opened(self, about: About, t: float) -> Event:
         """The device is there."""
         again = self.state == DOWN
@@ -69,8 +72,8 @@ class Intake:
         self._last = dict.fromkeys(self._last, t)
         self._rate = Rate(None if about.replay else about.rate, t + BACKLOG)  # a recording is played at any
         self.clock.reset()
-        self._bursts, self._in_bursts, self._settled = Bursts(), False, t + BACKLOG
-        self._usual, self._waited = inf, Waited()
+        self._forget()
+        self._settled = t + BACKLOG
         settings = "".join(f"; {name}: {value}" for name, value in about.settings.items())
         return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected{settings}")
 
@@ -83,9 +86,23 @@ class Intake:
         ended = self.about is not None and self.about.replay
         return None if said_before else self._event(t, "down", "note" if ended else "error", text)
 
+    def require(self, batch: Batch) -> None:
+        """Raise `InputError` for what is no batch of samples: programs of others err in all of them alike."""
+        if not isinstance(batch, Batch):
+            found = f"{self.uri}: found {type(batch).__name__}"
+            raise InputError(f"{found}, expected a Batch: Batch([Sample(arrival, wrench=...)])")
+        if not isfinite(sum(sample.arrival for sample in batch.samples)):
+            bad = next(each.arrival for each in batch.samples if not isfinite(each.arrival))
+            raise InputError(f"found a sample with arrival={bad}, expected s, by the clock of t: say when it came")
+        for sample in batch.samples[:1]:
+            for name, size in (("wrench", 6), ("orientation", 4), ("position", 3)):
+                value = getattr(sample, name)
+                if value is not None and not (isinstance(value, SEQUENCE) and len(value) == size):
+                    found = f"{self.uri}: found {name} as {type(value).__name__} of {np.size(value)}"
+                    raise InputError(f"{found}, expected a tuple of {size}, as tuple({name}.tolist())")
+
     def take(self, batch: Batch) -> list[tuple[float, Sample]]:
-        """Samples with the times at which they were taken. Raises `InputError` for what is no batch of samples."""
-        _require_samples(batch, self.uri)
+        """Samples with the times at which they were taken."""
         for note in batch.notes:
             self.lost += note.number if note.kind is NoteKind.LOST else 0
             self.repeated += note.number if note.kind in (NoteKind.REPEATED, NoteKind.DISORDERED) else 0
@@ -206,19 +223,6 @@ class Intake:
         counts = self.samples, self.lost, self.repeated, self.wrong
         age, jitter = None if last == -inf else t - last, max(self.clock.lateness, 0.0) if self.samples else None
         return Device(self.uri, self.role, name, self.state, self.text, self._rate.hz, asked, *counts, age, jitter)
-
-
-def _require_samples(batch: Batch, uri: str) -> None:
-    """Raise `InputError`: programs of others feed a session, too, and err in all samples alike."""
-    if not isinstance(batch, Batch):
-        raise InputError(f"{uri}: found {type(batch).__name__}, expected a Batch: Batch([Sample(arrival, wrench=...)])")
-    if not batch.samples:
-        return
-    _, _, wrench, orientation, position, *_ = batch.samples[0]
-    for name, value, size in (("wrench", wrench, 6), ("orientation", orientation, 4), ("position", position, 3)):
-        if value is not None and not (isinstance(value, SEQUENCE) and len(value) == size):
-            found = f"{uri}: found {name} as {type(value).__name__} of {np.size(value)}"
-            raise InputError(f"{found}, expected a tuple of {size}, as tuple({name}.tolist())")
 
 
 def _broken(sample: Sample) -> str:

@@ -17,9 +17,8 @@ from ..geometry.quaternions import angle_between
 from ..samples.samples import Samples
 from ..samples.still_noise import change_within
 from ..statistics import two_digits
-from .history import History
+from .history import History, Stand
 from .source import Four
-from .stillness import Stand
 
 SETTLED, HOLD = 0.3, 1.0
 """s that everything stands before readings count, and s of readings in a pose."""

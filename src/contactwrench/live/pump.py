@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from queue import Empty, Queue, SimpleQueue
 from threading import Event, Thread
 from typing import TYPE_CHECKING, TypeAlias
@@ -21,17 +20,18 @@ from .session import Session
 from .sink import OpenSink
 from .snapshot import Event as Said
 from .snapshot import Output
-from .source import HALF_OPEN, About, Batch, DeviceError, EndOfStreamError, Note, NoteKind, Source, now
+from .source import About, Batch, EndOfStreamError, Note, NoteKind, Source, now
+from .stream import batches
 
 if TYPE_CHECKING:
-    from .page.hub import Ask
+    from .page.app import Ask
 
 WAITING = 20_000
 """Samples between a reader and the worker: 20 s at 1 kHz, which is more than any fit takes."""
-READ, TURN = 0.1, 0.02
-"""s that a reader, and the worker, wait before they look whether they are to end."""
-AGAIN = 0.4
-"""s from one attempt to the next."""
+TURN = 0.02
+"""s that the worker waits before it looks whether it is to end."""
+SILENT, AGAIN = "nothing for {:g} s, connecting again", 0.4
+"""What is said of a device that says nothing; and s from one attempt to the next."""
 AHEAD = 1
 """Batches by which a recording may be ahead of the worker; a turn with more would have more poses than are kept."""
 SNAPSHOTS = 1.0 / 30.0
@@ -42,31 +42,9 @@ News: TypeAlias = Batch | About | str
 """What a reader says: what came, that the device is there, or why it is not."""
 
 
-@dataclass(frozen=True)
-class Ports:
-    """Where what the worker makes goes: snapshots as JSON to `publish`, events to `say`, turns to `outlets`, and while
-    the session records to `recorder` too; commands come from `asked`.
-    """
-
-    publish: Callable[[bytes], None] | None = None
-    say: Callable[[Said], None] | None = None
-    asked: Queue[Ask] | None = None
-    outlets: tuple[OpenSink, ...] = ()
-    recorder: OpenSink | None = None
-
-    @property
-    def sinks(self) -> tuple[OpenSink, ...]:
-        """The outlets, and the recorder where there is one."""
-        return self.outlets if self.recorder is None else (*self.outlets, self.recorder)
-
-
 class Reader:
-    """A device that is read in a thread of its own, from now on, and connected to again for as long as it takes.
-
-    Args:
-        source: open already.
-        about: what it said.
-        early: what has come already.
+    """A device that is read in a thread of its own, from now on, and connected to again for as long as it takes. The
+    source is open already; `about` is what it said, and `early` what has come.
     """
 
     def __init__(self, source: Source, about: About, early: Batch) -> None:
@@ -127,7 +105,10 @@ class Reader:
                     about = self._source.open()
                     require_same(self._source.uri, self.about, about)
                     self.put(about)
-                self._read(about)
+                for batch in batches(self._source, about, self._stop.is_set, SILENT):
+                    self.put(batch)
+                    while about.replay and len(self._news) > AHEAD and not self._stop.is_set():
+                        self._stop.wait(0.001)
             except EndOfStreamError as error:
                 self.put(str(error))
                 self._ended = True
@@ -142,18 +123,6 @@ class Reader:
                 self._source.close()
             self._stop.wait(AGAIN)
 
-    def _read(self, about: About) -> None:
-        last, replay = now(), about.replay
-        while not self._stop.is_set():
-            batch = self._source.read(READ)
-            if batch.samples or batch.notes:
-                last = now()
-                self.put(batch)
-                while replay and len(self._news) > AHEAD and not self._stop.is_set():
-                    self._stop.wait(0.001)
-            elif now() - last > HALF_OPEN and not replay and not about.listens:
-                raise DeviceError(f"{self._source.uri}: nothing for {HALF_OPEN:g} s, connecting again")
-
     def put(self, news: News) -> None:
         """Keep what came until it is taken; of samples no more than can wait."""
         if isinstance(news, Batch):
@@ -167,16 +136,26 @@ class Reader:
 
 
 class Pump:
-    """Runs a session on devices until it is closed, or a recording has ended.
-
-    Args:
-        session: what is fed.
-        readers: by role, `sensor` and, where that is another device, `robot`.
-        ports: where all that is made goes, and commands come from.
+    """Runs a session on devices until it is closed, or a recording has ended. The readers are by role, `sensor` and,
+    where that is another device, `robot`. Snapshots go as JSON to `publish`, events to `say`, turns to `outlets`, and
+    while the session records to `recorder` too; commands come from `asked`.
     """
 
-    def __init__(self, session: Session, readers: Mapping[str, Reader], ports: Ports) -> None:
-        self.session, self._readers, self._ports = session, dict(readers), ports
+    def __init__(
+        self,
+        session: Session,
+        readers: Mapping[str, Reader],
+        *,
+        publish: Callable[[bytes], None] | None = None,
+        say: Callable[[Said], None] | None = None,
+        asked: Queue[Ask] | None = None,
+        outlets: tuple[OpenSink, ...] = (),
+        recorder: OpenSink | None = None,
+    ) -> None:
+        self.session, self._readers = session, dict(readers)
+        self._publish, self._say, self._asked = publish, say, asked
+        self._outlets, self._recorder = outlets, recorder
+        self._sinks = outlets if recorder is None else (*outlets, recorder)
         self._ended = set[str]()
         self._wake = self._readers["sensor"].wake
         self._stop = Event()
@@ -203,7 +182,7 @@ class Pump:
         self._wake.put(None)
         if self._worker.ident is not None:
             self._worker.join(ENDS_IN)
-        for sink in self._ports.sinks:
+        for sink in self._sinks:
             sink.close()
 
     def _run(self) -> None:
@@ -233,23 +212,21 @@ class Pump:
             t = self._recorded = max([self._recorded, *stamps]) or t
         turn = self.session.feed(batches.get("sensor"), batches.get("robot"), t=t)
         if turn.rows:
-            for sink in self._ports.sinks if self.session.recording else self._ports.outlets:
+            for sink in self._sinks if self.session.recording else self._outlets:
                 sink.write(turn)
-        self._say_of_sinks(t)
-        self._obey(t)
-        for said in self.session.events():
-            if self._ports.say is not None:
-                self._ports.say(said)
-        if self._ports.publish is not None and t - self._shown >= SNAPSHOTS:
-            self._shown = t
-            self._ports.publish(self.encoded_snapshot(t))
-
-    def _say_of_sinks(self, t: float) -> None:
-        """Of each sink that has ended, once."""
-        for sink in self._ports.sinks:
-            if sink.error and sink.uri not in self._ended:
+        for sink in self._sinks:
+            if sink.error and sink.uri not in self._ended:  # of each that has ended, once
                 self._ended.add(sink.uri)
                 self.session.outlet_ended(sink.error, t)
+        while self._asked is not None and not self._asked.empty():
+            ask = self._asked.get()
+            self.session.do(ask.do, t, None if ask.pose is None else ask.pose + 1)
+        for said in self.session.events():
+            if self._say is not None:
+                self._say(said)
+        if self._publish is not None and t - self._shown >= SNAPSHOTS:
+            self._shown = t
+            self._publish(self.encoded_snapshot(t))
 
     def _taken(self, role: str, reader: Reader, t: float) -> Batch | None:
         """What came from a device, joined; that it is there, or gone, is told to the session in its turn."""
@@ -266,13 +243,8 @@ class Pump:
                 whole.add(news)
         return whole
 
-    def _obey(self, t: float) -> None:
-        while self._ports.asked is not None and not self._ports.asked.empty():
-            ask = self._ports.asked.get()
-            self.session.do(ask.do, t, None if ask.pose is None else ask.pose + 1)
-
     def encoded_snapshot(self, t: float) -> bytes:
         """What a person sees at `t` s, as JSON; for the worker alone."""
-        outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._ports.outlets)
-        recording = "" if self._ports.recorder is None else self._ports.recorder.uri
+        outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._outlets)
+        recording = "" if self._recorder is None else self._recorder.uri
         return msgspec.json.encode(self.session.snapshot(t, outlets, recording))

@@ -17,9 +17,8 @@ from ..calibration.findings import Kind
 from ..geometry.arrays import Array, Frozen
 from ..geometry.orientation import rotation_matrices
 from ..model import gravity_in_flange
-from .history import History
+from .history import EVERY, History, Stand
 from .snapshot import PushStep
-from .stillness import EVERY, Stand
 
 NEEDED = 5.0
 """N: far above noise and creep, and light for a hand."""

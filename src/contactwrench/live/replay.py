@@ -41,15 +41,8 @@ class Replay:
 
     `Sample.arrival` is the recording's own time, shifted so that the first is now, at any speed; `device` is the time
     as recorded. With `speed` 0 a read never waits and gives `ROWS` samples at the most: whoever reads it takes the next
-    when those are done with, and lets sinks be patient (sink.py), so that nothing is lost.
-
-    Args:
-        path: any recording that can be read.
-        options: how it is written.
-        speed: times real time; 0: as fast as it is asked for.
-
-    Raises:
-        InputError: the speed is none.
+    when those are done with, and lets sinks be patient (sink.py), so that nothing is lost. Raises `InputError`: the
+    speed is none.
     """
 
     def __init__(self, path: str | Path, options: Options = AS_USUAL, speed: float = 1.0) -> None:
@@ -84,7 +77,9 @@ class Replay:
             if (ahead := due[begin] - self._recorded_now()) > 0.0:
                 self._closed.wait(min(ahead / self._speed, timeout))
             self._next = min(bisect_right(due, self._recorded_now(), lo=begin), begin + ROWS)
-        return Batch(self._block.samples[begin : self._next], self._notes())
+        before, self._damage = self._damage, self._block.damage
+        notes = [Note(NoteKind.STATUS, self._damage)] if self._damage != before else []
+        return Batch(self._block.samples[begin : self._next], notes)
 
     def close(self) -> None:
         """End a read that waits."""
@@ -92,10 +87,6 @@ class Replay:
 
     def _recorded_now(self) -> float:
         return inf if self._speed == 0.0 else self._first + self._speed * (monotonic() - self._begun)
-
-    def _notes(self) -> list[Note]:
-        before, self._damage = self._damage, self._block.damage
-        return [Note(NoteKind.STATUS, self._damage)] if self._damage != before else []
 
 
 def _merged(block: Streams, shift: float) -> _Block:

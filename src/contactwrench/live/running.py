@@ -22,11 +22,10 @@ from ..samples.samples import Samples
 from ..statistics import force_and_torque
 from .history import History
 from .intake import STREAMING, Intake
-from .pose_feed import NEEDED, PoseFeed
-from .pose_track import UNKNOWN
+from .pose_track import NEEDED, PoseFeed
 from .sink import Reading, Turn
 from .snapshot import Contact, Running
-from .source import About, Four, Sample, Six
+from .source import UNKNOWN, About, Four, Sample, Six
 
 CONTACTS_SHOWN = 20
 ZERO_OVER = 0.5
@@ -98,9 +97,7 @@ class Runner:
             self._said.append(("no_motion", missing) if lacks else ("inertia", SUBTRACTED))
 
     def step(self, reading: Reading, orientation: Four, why: str, longest: float) -> ContactWrench:
-        """The contact wrench of a reading; `why` there is no valid one: its flaw, or that the orientation is old, as a
-        pose is from `longest` s on.
-        """
+        """The contact wrench; `why` there is no valid one; from `longest` s on a pose is old."""
         self._begun = min(self._begun, reading.t)
         if self._feed is not None and (doubt := self._feed.doubt(reading.t - self.delay, reading.t, longest)):
             orientation, why = UNKNOWN, why or doubt
@@ -139,9 +136,7 @@ class Runner:
             self._said.append(("contact", f"contact of {lasted:.2f} s ended, {largest:.1f} N at most"))
 
     def happened(self) -> tuple[list[tuple[str, str]], tuple[ContactEnded, ...]]:
-        """Since it was last asked: faults, and contacts that began and ended, as kinds of events and in words; and the
-        contacts that ended.
-        """
+        """Since it was last asked: events, as kinds and in words; and the contacts that ended."""
         said, ended = self._said, tuple(self._ended)
         self._said, self._ended = [], []
         return said, ended
@@ -167,7 +162,7 @@ def traced(reading: Reading, made: ContactWrench | None) -> tuple[float | None, 
     """A row of the trace: `t`, the contact wrench, or without one the reading, `valid`, and `contact`, -1 not known."""
     wrench, valid = (reading.wrench, not reading.flaw) if made is None else (made.wrench.tolist(), made.valid)
     touching = -1.0 if made is None or made.contact is None else float(made.contact)
-    return (reading.t, *(value if isfinite(value) else None for value in wrench), float(valid), touching)
+    return (reading.t, *_finite(wrench), float(valid), touching)
 
 
 def shown_contact_wrench(turn: Turn, sensor: Intake) -> Contact | None:
@@ -177,7 +172,9 @@ def shown_contact_wrench(turn: Turn, sensor: Intake) -> Contact | None:
     if sensor.state != STREAMING:
         return Contact((None,) * 6, (None,) * 6, valid=False, contact=None, reason=f"{sensor.state}: {sensor.text}")
     made = turn.judged[-1]
-    wrench, std = (
-        tuple(value if isfinite(value) else None for value in each.tolist()) for each in (made.wrench, made.std)
-    )
+    wrench, std = _finite(made.wrench.tolist()), _finite(made.std.tolist())
     return Contact(wrench, std, made.valid, made.contact, str(made.reason or ""))
+
+
+def _finite(values: Sequence[float]) -> tuple[float | None, ...]:
+    return tuple(value if isfinite(value) else None for value in values)

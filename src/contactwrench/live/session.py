@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from math import inf, nan
+from math import inf, isnan
 from typing import Any
 
 from msgspec.structs import replace
@@ -20,18 +20,16 @@ from ..errors import ContactWrenchError, InputError
 from ..geometry.arrays import number
 from ..samples.samples import Streams
 from .fitting import SIGNS, shown
-from .history import History, Motion
+from .history import History, Motion, Stillness
 from .intake import Intake
-from .pose_track import NO_PLACE, PoseTrack
+from .pose_track import PoseTrack
 from .running import OF_ROBOT, OF_SENSOR, Options, Runner, shown_contact_wrench, traced
 from .sink import Pose, Reading, Turn
 from .snapshot import Command, Event, Output, Phase, Snapshot
-from .source import About, Batch, Four, Sample, Six, require_arrivals
-from .stillness import Stillness
+from .source import NO_PLACE, NO_WRENCH, About, Batch, Four, Sample
 from .wizard import Wish, Wizard
 
 EVENTS_KEPT, NEW_EVENTS_KEPT, TRACE_EVERY, TRACE_KEPT = 50, 1_000, 1.0 / 125.0, 250
-NO_READING: Six = (nan,) * 6
 NOT_TURNED: Four = (0.0, 0.0, 0.0, 1.0)
 WARNINGS = dict.fromkeys(("refusal", "pose_refused", "finding", *OF_SENSOR, *OF_ROBOT), "warning")
 
@@ -142,7 +140,9 @@ class Session:
             InputError: something else than batches of samples, or no time.
         """
         t = number(t, "t")
-        require_arrivals(sensor, robot)
+        for batch, intake in ((sensor, self._sensor), (robot, self._robot)):
+            if batch is not None:
+                intake.require(batch)
         poses = [] if robot is None else self._robot.take(robot)
         readings = [] if sensor is None else self._sensor.take(sensor)
         poses = readings if self._robot is self._sensor else poses
@@ -154,7 +154,10 @@ class Session:
         if turn.readings:
             self._history.add(turn)
             self._last = turn
-            self._trace_of(turn)
+        for k, reading in enumerate(turn.readings):
+            if reading.t - self._traced >= TRACE_EVERY:
+                self._traced = reading.t
+                self._trace.append(traced(reading, turn.judged[k] if turn.judged else None))
         if self.phase not in (Phase.CONNECT, Phase.RUN) and turn.rows:
             self._motion.add(turn, t)
         for intake in dict.fromkeys((self._sensor, self._robot)):
@@ -171,7 +174,7 @@ class Session:
         delay = 0.0 if runner is None else runner.delay
         for when, sample in samples:
             orientation, age = self._track.at(when, when)
-            wrench = NO_READING if sample.wrench is None else sample.wrench
+            wrench = NO_WRENCH if sample.wrench is None else sample.wrench
             readings.append(reading := Reading(when, sample.arrival, wrench, orientation, sample.flaw))
             if runner is None:
                 continue
@@ -199,8 +202,9 @@ class Session:
         try:
             if command not in self.commands():
                 raise ContactWrenchError(f"{command.value} is not possible now")
-            if command is Command.SAVE:
-                self._save_calibration(t)
+            if command is Command.SAVE and self._save is not None and self.calibration is not None:
+                self._saved = self.calibration, self._save(self.calibration)
+                self._happened([("saved", f"calibration written to {self.saved}")], t)
             elif command is Command.ZERO and self._runner is not None:
                 self._happened([("zero", self._runner.zero(self._history))], t)
             elif command is Command.RECORD:
@@ -208,7 +212,10 @@ class Session:
                 self._happened([("record", f"recording is {'on' if self.recording else 'off'}")], t)
             else:
                 self._happened(self._wizard.do(command, number, self._history), t)
-                self._run_or_stop()
+                if self.phase is not Phase.RUN:
+                    self._runner = None
+                elif self._runner is None and self._wizard.calibration is not None:
+                    self._run(self._wizard.calibration, self._wizard.sign)
                 self._keep(t)
         except ContactWrenchError as error:
             self._happened([("refusal", str(error))], t)
@@ -221,33 +228,15 @@ class Session:
         record = () if self.recording is None else (Command.RECORD,)
         return (*self._wizard.commands(self._stillness), *running, *save, *record)
 
-    def _run_or_stop(self) -> None:
-        """Begin to run where the wizard has come to that, and end it where a person went back."""
-        if self.phase is Phase.RUN and self._runner is None and self._wizard.calibration is not None:
-            self._run(self._wizard.calibration, self._wizard.sign)
-        elif self.phase is not Phase.RUN and self._runner is not None:
-            self._runner = None
-
     def _run(self, calibration: Calibration, sign: float) -> None:
         self._motion = Motion()
         self._trace.clear()
         self._runner = Runner(calibration, sign, self._options, self._sensor.about)
 
-    def _save_calibration(self, t: float) -> None:
-        if self._save is not None and self.calibration is not None:
-            self._saved = self.calibration, self._save(self.calibration)
-            self._happened([("saved", f"calibration written to {self.saved}")], t)
-
     def _keep(self, t: float) -> None:
         """Write what a person has accepted, and what a check has made of it, where that is wanted."""
         if self._save_accepted and self.phase in (Phase.VERIFY, Phase.RUN) and Command.SAVE in self.commands():
             self.do(Command.SAVE, t)
-
-    def _trace_of(self, turn: Turn) -> None:
-        for k, reading in enumerate(turn.readings):
-            if reading.t - self._traced >= TRACE_EVERY:
-                self._traced = reading.t
-                self._trace.append(traced(reading, turn.judged[k] if turn.judged else None))
 
     def _happened(self, what: list[tuple[str, str]], t: float) -> None:
         for kind, text in what:
@@ -268,9 +257,7 @@ class Session:
     def snapshot(self, t: float, outputs: tuple[Output, ...] = (), recording: str = "") -> Snapshot:
         """What a person sees at `t` s since 1970; the trace begins anew. `outputs` and `recording`: of the sinks."""
         last, wizard, stand = self._last, self._wizard, self._stillness
-        newest = self._track.newest
-        here: Four | None = None if newest is None else newest[1]
-        place: Any = None if newest is None or newest[2][0] != newest[2][0] else newest[2]
+        _, here, place = self._track.newest or (t, None, NO_PLACE)
         reading = None if last is None or last.readings[-1].flaw else last.readings[-1].wrench
         noise: Any = None if stand.noise is None else tuple(stand.noise.tolist())
         trace, self._trace = tuple(self._trace), deque(maxlen=TRACE_KEPT)
@@ -281,7 +268,7 @@ class Session:
             reading=reading,
             noise=noise,
             orientation=here,
-            position=place,
+            position=None if isnan(place[0]) else place,
             still=stand.now.still,
             moving=stand.now.moves,
             trace=trace,

@@ -221,14 +221,11 @@ class _Queued(OpenSink):
         self._thread.join(DRAIN)
         if self._thread.is_alive():
             self.error = self.error or f"{self.uri}: was not done {DRAIN:g} s after the end: too slow"
-            self._drop_waiting()
-
-    def _drop_waiting(self) -> None:
-        with suppress(Empty):
-            while True:
-                turn = self._queue.get_nowait()
-                self._lost += 0 if turn is None else len(turn.readings)
-        self._queue.put(None)
+            with suppress(Empty):
+                while True:
+                    turn = self._queue.get_nowait()
+                    self._lost += 0 if turn is None else len(turn.readings)
+            self._queue.put(None)
 
     def _is_full(self, rows: int) -> bool:
         waiting = self._given - self._taken
@@ -250,19 +247,7 @@ class _Queued(OpenSink):
 
 
 def open_sink(sink: Sink, *, patient: bool = False) -> OpenSink:
-    """Open a sink and put it to work.
-
-    Args:
-        sink: as `sink_of` or a `Recorder` gives it.
-        patient: the caller can wait, as a replay as fast as it goes: it is held back where the sink is slower.
-
-    Returns:
-        The sink at work; it is to be closed, which takes at most `DRAIN` s.
-
-    Raises:
-        FileAccessError: a file cannot be written.
-        DeviceError: nothing can be sent there.
-        InputError: its URI, or its file's suffix, is none.
-        MissingExtraError: a package that it needs is not installed.
+    """Open a sink and put it to work; it is to be closed, which takes at most `DRAIN` s. `patient`: the caller can
+    wait, as a replay as fast as it goes, and is held back where the sink is slower. Raises as the sink's own `open`.
     """
     return _Queued(sink, patient) if sink.waits else OpenSink(sink)

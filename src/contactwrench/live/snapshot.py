@@ -128,9 +128,7 @@ class Parameter(msgspec.Struct, frozen=True):
 
 
 class Fit(msgspec.Struct, frozen=True):
-    """The calibration: `verdict` good, doubtful or weak, `refusal` in words where there is none; `sign` says what the
-    push test settled; `findings` (severity, text); `delay` in words.
-    """
+    """The calibration, or why there is none; `sign`: what the push test settled; `findings`: (severity, text)."""
 
     verdict: str
     refusal: str

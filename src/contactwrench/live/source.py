@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 from enum import StrEnum
-from math import isfinite, nan
+from math import nan
 from typing import NamedTuple, Protocol
 
-from ..errors import ContactWrenchError, InputError
+from ..errors import ContactWrenchError
 
 TAKEN_FOR_THE_FLANGE = "taken for the flange's in base axes"
 """What a source says that cannot tell whose pose it is."""
@@ -19,6 +19,9 @@ _SINCE_1970 = time.time() - time.monotonic()
 Six = tuple[float, float, float, float, float, float]
 Four = tuple[float, float, float, float]
 Three = tuple[float, float, float]
+NO_WRENCH: Six = (nan,) * 6
+UNKNOWN: Four = (nan,) * 4
+NO_PLACE: Three = (nan,) * 3
 
 
 def now() -> float:
@@ -76,9 +79,7 @@ class NoteKind(StrEnum):
 
 
 class Note(NamedTuple):
-    """`text` in words, short; `number`: of samples, packets or bytes; `before`: the place in the batch of the sample at
-    which a counter showed it.
-    """
+    """`number` of samples, packets or bytes; `before`: the place in the batch at which a counter showed it."""
 
     kind: NoteKind
     text: str
@@ -97,14 +98,6 @@ class Batch:
         """Append what came later."""
         self.notes += [note._replace(before=len(self.samples) + note.before) for note in later.notes]
         self.samples += later.samples
-
-
-def require_arrivals(*batches: Batch | None) -> None:
-    """Raise `InputError` where a sample came at no time, by which all are ordered."""
-    for batch in batches:
-        if isinstance(batch, Batch) and not isfinite(sum(sample.arrival for sample in batch.samples)):
-            bad = next(each.arrival for each in batch.samples if not isfinite(each.arrival))
-            raise InputError(f"found a sample with arrival={bad}, expected s, by the clock of t: say when it came")
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
 
 from ..geometry.arrays import Array, Frozen
-from .source import HALF_OPEN, About, Batch, DeviceError, EndOfStreamError, Note, Source, now
+from .source import HALF_OPEN, NO_WRENCH, UNKNOWN, About, Batch, DeviceError, EndOfStreamError, Note, Source, now
 from .uri import source_of
 
 WAIT = 0.1
 """s that a read waits before it looks again whether the stream was closed."""
+
+
+def batches(source: Source, about: About, ended: Callable[[], bool], silent: str) -> Iterator[Batch]:
+    """What comes from an open source, batches with at least one sample or note, until it has `ended`. Raises
+    `EndOfStreamError`, and `DeviceError` where it is cut, or a device that is connected to is `silent` for so many s.
+    """
+    last = now()
+    while not ended():
+        batch = source.read(WAIT)
+        if batch.samples or batch.notes:
+            yield batch
+            last = now()  # whatever was done meanwhile is no silence of the device's
+        elif now() - last > HALF_OPEN and not (about.replay or about.listens or ended()):
+            raise DeviceError(f"{source.uri}: {silent.format(HALF_OPEN)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,18 +77,9 @@ class Stream:
         self.close()
 
     def __iter__(self) -> Iterator[StreamBatch]:
-        waits, last = self.about.replay or self.about.listens, now()
-        while not self._closed:
-            try:
-                batch = self._source.read(WAIT)
-            except EndOfStreamError:
-                return
-            if batch.samples or batch.notes:
-                yield batch_of(batch)
-                last = now()  # whatever was done meanwhile is no silence of the device's
-            elif now() - last > HALF_OPEN and not (waits or self._closed):
-                found = f"nothing for {HALF_OPEN:g} s, expected samples"
-                raise DeviceError(f"{self._source.uri}: found {found}: check its power and cable, and open it again")
+        said = "found nothing for {:g} s, expected samples: check its power and cable, and open it again"
+        with suppress(EndOfStreamError):
+            yield from map(batch_of, batches(self._source, self.about, lambda: self._closed, said))
 
     def close(self) -> None:
         """End the stream; also from another thread."""
@@ -84,9 +90,8 @@ class Stream:
 def batch_of(batch: Batch) -> StreamBatch:
     """Samples as arrays."""
     samples = batch.samples
-    no_wrench, no_turn = (np.nan,) * 6, (np.nan,) * 4
-    wrench = [no_wrench if each.wrench is None or each.flaw else each.wrench for each in samples]
-    turn = [no_turn if each.orientation is None or each.flaw else each.orientation for each in samples]
+    wrench = [NO_WRENCH if each.wrench is None or each.flaw else each.wrench for each in samples]
+    turn = [UNKNOWN if each.orientation is None or each.flaw else each.orientation for each in samples]
     return StreamBatch(
         np.array([each.arrival for each in samples], dtype=np.float64),
         np.array([each.device for each in samples], dtype=np.float64),

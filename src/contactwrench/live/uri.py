@@ -22,7 +22,7 @@ SOURCES: Mapping[str, str] = {
     "ur": "sources.ur:Ur",
     "rsi": "sources.rsi:Rsi",
     "ft300": "sources.ft300:Ft300",
-    "robotiq": "sources.robotiq:Robotiq",
+    "robotiq": "sources.ft300:Robotiq",
     "bota": "sources.bota:Bota",
     "ros2": "sources.ros2:Ros2",
     "udp": "sources.lines:UdpLines",
@@ -104,9 +104,7 @@ def parsed(text: str) -> Uri:
 
 @dataclass(frozen=True)
 class Known:
-    """A scheme that can be opened, as its class says: `form` of the URI, what it is `about`, its `rate`, what it was
-    `tested` against; `error` where the class cannot be loaded.
-    """
+    """A scheme that can be opened, as its class says; `error` where that cannot be loaded."""
 
     scheme: str
     form: str

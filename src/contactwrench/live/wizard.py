@@ -19,12 +19,11 @@ from ..geometry.orientation import from_quat_xyzw, to_quat_xyzw
 from ..geometry.quaternions import angle_between
 from ..samples.samples import Streams
 from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_check, with_delay, with_inertia
-from .history import History
+from .history import History, Stillness
 from .pose_taking import PoseTaking, samples_of
 from .push_test import PushTest
 from .snapshot import Check, Command, Phase, Poses, TakenPose
 from .source import Four
-from .stillness import Stillness
 
 CHECKS = 2
 FEWEST_TO_PREDICT = 5
@@ -125,24 +124,20 @@ class Wizard:
         return []
 
     def _next(self, *, skip: bool) -> list[Happened]:
+        phases = list(Phase)
+        self.phase = phases[phases.index(self.phase) + 1]
+        said: list[Happened] = [("phase", SPOKEN[self.phase])]
         match self.phase:
-            case Phase.CONNECT:
-                self.phase = Phase.PUSH
-            case Phase.PUSH:
+            case Phase.POSES:
                 if skip:
                     self.push.again()
-                self.phase = Phase.POSES
                 self._plan()
-            case Phase.POSES:
-                self.phase = Phase.FIT
-                return [("phase", SPOKEN[Phase.FIT]), *self._fit(with_motion=True)]
             case Phase.FIT:
-                self.phase, self._verifying = Phase.VERIFY, PoseTaking(self.poses.taken)
-                self.checks, self.verified = (), ""
-                self._targets = self._planned(CHECKS, [pose.turn for pose in self.poses.taken])
+                said += self._fit(with_motion=True)
             case Phase.VERIFY:
-                self.phase = Phase.RUN
-        return [("phase", SPOKEN[self.phase])]
+                self._verifying, self.checks, self.verified = PoseTaking(self.poses.taken), (), ""
+                self._targets = self._planned(CHECKS, [pose.turn for pose in self.poses.taken])
+        return said
 
     def _back(self) -> list[Happened]:
         before = {Phase.PUSH: Phase.CONNECT, Phase.POSES: Phase.PUSH, Phase.VERIFY: Phase.FIT}
@@ -193,8 +188,9 @@ class Wizard:
             return []
         poses = self._verifying.taken
         left = self.calibration.compensate(self.sign * poses[-1].mean, np.array(poses[-1].turn))
-        result = verify(self.calibration, samples_of(poses, self.sign, "verification"))
-        one = verify(self.calibration, samples_of(poses[-1:], self.sign, "verification"))
+        result, one = (
+            verify(self.calibration, samples_of(part, self.sign, "verification")) for part in (poses, poses[-1:])
+        )
         check = Check(float(np.linalg.norm(left[:3])), float(np.linalg.norm(left[3:])), one.passed)
         self.checks = (*self.checks, check)
         self._targets = self._targets[1:]

@@ -23,13 +23,13 @@ from scipy.spatial.transform import Rotation
 
 from contactwrench.geometry.orientation import CONVENTIONS
 from contactwrench.geometry.quaternions import from_kuka_abc
+from contactwrench.lab.ft300 import Robotiq
 from contactwrench.lab.netft import NetFt
-from contactwrench.lab.robotiq import Robotiq
 from contactwrench.lab.rsi import Rsi
 from contactwrench.lab.truth import Plain
 from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind, Source
-from contactwrench.live.sources import ft300, netft, robotiq, rsi
+from contactwrench.live.sources import ft300, netft, rsi
 from contactwrench.live.sources.ros2 import Ros2
 from contactwrench.live.uri import parsed, source_of
 from tests.live.sources.test_sri_decoder import pieces_of
@@ -379,7 +379,7 @@ def test_readings_of_robotiqs_urcap_are_newtons_and_newton_metres(end: bytes) ->
     """In whichever pieces they come; six numbers make one, and what stands between them is said."""
     data = READING + end + b"( 1 , 2 , 3 )" + end + b"nothing" + b"(1e-05,2,3,4,5,-6)" + end + b"( 7 , 8"
     for size in (1, 7, len(data)):
-        decoder, batch = robotiq.RobotiqDecoder(), Batch()
+        decoder, batch = ft300.RobotiqDecoder(), Batch()
         for k in range(0, len(data), size):
             decoder.feed(data[k : k + size], 1.0, batch)
         wrenches = [sample.wrench for sample in batch.samples]
@@ -390,7 +390,7 @@ def test_readings_of_robotiqs_urcap_are_newtons_and_newton_metres(end: bytes) ->
 
 
 def test_a_parenthesis_that_is_not_closed_is_not_kept_for_ever() -> None:
-    decoder, batch = robotiq.RobotiqDecoder(), Batch()
+    decoder, batch = ft300.RobotiqDecoder(), Batch()
     for _ in range(100):
         decoder.feed(b"( 1 , 2", 1.0, batch)
     decoder.feed(READING, 2.0, batch)

@@ -15,8 +15,7 @@ from contactwrench.lab.sockets import Client
 from contactwrench.lab.truth import Plain
 from contactwrench.lab.ur import Ur
 from contactwrench.live.source import Batch, NoteKind
-from contactwrench.live.sources.rtde import Recipe
-from contactwrench.live.sources.ur import COMPENSATED, RAW, UrDecoder
+from contactwrench.live.sources.ur import COMPENSATED, RAW, Recipe, UrDecoder
 from contactwrench.live.uri import source_of
 from tests.live.sources.test_sri_decoder import pieces_of
 from tests.support.devices import refusal

@@ -8,7 +8,7 @@
 `static/` is the page itself: no build step, and no address outside itself.
 """
 
-from .hub import Ask, Hub
+from .app import Ask, Hub
 from .server import Server, serve
 
 __all__ = ["Ask", "Hub", "Server", "serve"]

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 from ...errors import MissingExtraError
 from ..source import DeviceError
-from .app import Application, Lab
+from .app import Application, Hub, Lab
 from .guard import Guard
-from .hub import Hub
 
 if TYPE_CHECKING:
     import uvicorn
@@ -39,19 +38,11 @@ class Server:
 
 
 def serve(hub: Hub, host: str = "127.0.0.1", port: int = 0, token: str | None = None, lab: Lab | None = None) -> Server:
-    """Serve the page of a session.
+    """Serve the page of a session at a host, 0.0.0.0 or :: for all, and a port, 0 for any that is free.
 
-    Args:
-        hub: where its snapshots come from and its commands go.
-        host: the address to listen on; 0.0.0.0 or ::, all: others put this computer's address into the printed one.
-        port: 0: any that is free.
-        token: what every request must show; None: one is made where others than this computer can reach us.
-        lab: called, in a thread, with what is done to the virtual arm (`{"do": "press_down"}`, see `InLab`), and to
-            return within a second; None: the page has no such buttons.
-
-    Raises:
-        DeviceError: the address cannot be listened on.
-        MissingExtraError: uvicorn or websockets is not installed.
+    Every request must show the `token`; None: one is made where others than this computer can reach us. `lab` is
+    called, in a thread, with what is done to the virtual arm (`InLab`), and to return within a second; None: the page
+    has no such buttons. Raises `DeviceError`: the address cannot be listened on; `MissingExtraError`.
     """
     try:
         found = {int(each[0]): str(each[4][0]) for each in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)}

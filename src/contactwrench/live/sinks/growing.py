@@ -48,9 +48,7 @@ def _on_disk(file: IO[bytes]) -> None:
 
 
 class _WholeOrNot:
-    """A file that has all that was written to it until a flush, or nothing of it, whenever the program is killed: its
-    first byte comes last. Until then there is 0, with which no record of an MCAP begins.
-    """
+    """A file that has all up to a flush, or nothing of it, if killed: its first byte, 0 until then, comes last."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb", buffering=0)
@@ -86,9 +84,9 @@ class GrowingText:
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb", buffering=AT_ONCE)
 
-    def add(self, lines: str) -> None:
+    def add(self, lines: Iterable[str]) -> None:
         """Whole lines."""
-        self._file.write(lines.encode())
+        self._file.write("".join(lines).encode())  # all of them, or none
 
     def write(self) -> None:
         """Write what was added."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from math import nan
+from collections.abc import Sequence
 from typing import Any
 
 from ...errors import InputError, MissingExtraError
 from ..sink import Turn
+from ..source import NO_WRENCH
 from ..uri import Uri
 
-NO_WRENCH = [nan] * 6
 FORCE_TORQUE = (("force", slice(0, 3)), ("torque", slice(3, 6)))
 
 
@@ -63,7 +63,7 @@ class Ros2:
             self._context.shutdown()
             self._node = None
 
-    def _stamped(self, t: float, wrench: list[float]) -> Any:
+    def _stamped(self, t: float, wrench: Sequence[float]) -> Any:
         message = self._message()
         header = message.header
         header.frame_id, header.stamp.sec = self._frame, int(t)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from functools import partial
+from itertools import compress
 from math import inf, isfinite, nan
 from typing import cast
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import to_quat_xyzw
+from ...geometry.quaternions import unit
 from ...recording.tables.columns import Column, Naming, OpenTable, places_of
 from ...recording.tables.orientations import orientation_columns
 from ...recording.tables.roles import roles_beside, wrench_columns
@@ -19,38 +21,25 @@ from ...recording.tables.table import in_seconds
 from ..counter import SLACK, Counter
 from ..source import Batch, Four, Note, NoteKind, Sample, Six, Three
 
-FOUR = 0.01
-"""By how much a quaternion's length may be off 1, as in a recording."""
 NO_NUMBER = "broken: no number"
 LEAPS = 10
 """Lines in a row whose times are further apart than they can be: one is a clock that was set."""
 
 
 class NamedColumns:
-    """Rows of numbers under the same names.
-
-    Args:
-        names: of the columns, as in a recording.
-        naming: what the URI states of them.
-        rate: Hz of such rows; None: not known, so that no loss is seen.
-
-    Raises:
-        InputError: neither a wrench nor an orientation is among them.
+    """Rows of numbers under the same names, as in a recording, with what the URI states of them; `rate` Hz of such
+    rows, None: not known, so that no loss is seen. Raises `InputError`: neither wrench nor orientation is among them.
     """
 
     def __init__(self, names: Iterable[str], naming: Naming, rate: float | None) -> None:
         table = OpenTable("the line", places_of(names, "the line"), partial(iter, ()))
         self.width = len(table.places)
         wrench: list[Column] = []
-        angles: list[Column] = []
-        self._convention = None
+        self._convention, angles = None, list[Column]()
         with suppress(FileFormatError):
             wrench = wrench_columns(table, naming)
-        try:
+        with suppress(FileFormatError) if wrench else nullcontext():
             self._convention, angles = orientation_columns(table, naming)
-        except FileFormatError:
-            if not wrench:
-                raise
         roles = roles_beside(table, naming, wrench, self._convention, angles)
         self._roles, self._counter = roles, Counter(1e-6, step=round(1e6 / rate) if rate else None, learns=True)
         self._first: float | None = None
@@ -96,26 +85,16 @@ class NamedColumns:
         return f"broken: t goes on by {passed:.3g} s a line, expected s: name its unit, as t_ms, t_us or t_ns"
 
     def _turns(self, rows: list[Sequence[float]]) -> list[Four | None]:
-        columns = self._roles.orientation
-        values = [_in_si(row, columns) for row in rows]
-        if self._convention is not None and self._convention.name == "quat_xyzw":
-            return [cast(Four, q) if abs(sum(x * x for x in q) - 1.0) < 2.0 * FOUR else None for q in values]
-        try:
-            return self._converted(values)
-        except InputError:
-            return list(map(self._turn, values))
-
-    def _turn(self, value: tuple[float, ...]) -> Four | None:
-        try:
-            return self._converted([value])[0]
-        except InputError:
-            return None
-
-    def _converted(self, values: list[tuple[float, ...]]) -> list[Four | None]:
+        values = [_in_si(row, self._roles.orientation) for row in rows]
         there = [all(map(isfinite, each)) for each in values]
         if self._convention is None or not any(there):
-            return [None] * len(values)
-        matrices = self._convention.to_matrices(np.array([v for v, fine in zip(values, there, strict=True) if fine]))
+            return [None] * len(rows)
+        if self._convention.name == "quat_xyzw":
+            return [cast(Four, q) if unit(cast(Four, q)) else None for q in values]
+        try:
+            matrices = self._convention.to_matrices(np.array(list(compress(values, there))))
+        except InputError:  # of one of them
+            return [None] if len(rows) == 1 else [turn for row in rows for turn in self._turns([row])]
         quaternions = iter(to_quat_xyzw(matrices).tolist())
         return [cast(Four, tuple(next(quaternions))) if fine else None for fine in there]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import selectors
 import socket
 from collections import OrderedDict
 from collections.abc import Callable
@@ -22,7 +21,6 @@ STEADY, REMEMBERED = 3, 4
 """Datagrams of one port of a sender's, after which others of the same computer are other programs; and how many ports
 are remembered: a program that opens a socket for each datagram sends hardly twice from one of the last ones.
 """
-
 GONE, PAUSES, FORGETS = 0.05, 3.0, 1.0
 """s, and so many of its longest pauses, which are forgotten within some s, without a datagram of a port, after which
 another one of the same computer is the same program, begun anew: a robot that waits longer for its answers stops.
@@ -78,29 +76,19 @@ class Udp(Link):
             with suppress(OSError):
                 self._socket.sendto(data, self._sender)
 
-    def receive(self, timeout: float) -> list[bytes]:
-        """The datagrams that have come; none in silence or after `close`. Raises `DeviceError`: the port is closed."""
-        taken: list[bytes] = []
-        senders: list[Any] = []
-        with self._lock:
-            if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
-                return taken
-            try:
-                while len(taken) < MOST:
-                    data, sender = self._socket.recvfrom(MOST_BYTES)
-                    taken.append(data)
-                    senders.append(sender)
-            except (BlockingIOError, ConnectionResetError):
-                pass
-            except ConnectionRefusedError:
-                if not taken:
-                    do = f"check the address and that it is the {self._device}"
-                    raise self.error("nobody listening", f"the {self._device}", do) from None
-        return self._of_one(taken, senders)
-
-    def _of_one(self, taken: list[bytes], senders: list[Any]) -> list[bytes]:
+    def _received(self) -> list[bytes]:
+        came: list[tuple[bytes, Any]] = []
+        try:
+            while len(came) < MOST:
+                came.append(self._socket.recvfrom(MOST_BYTES))
+        except (BlockingIOError, ConnectionResetError):
+            pass
+        except ConnectionRefusedError:
+            if not came:
+                do = f"check the address and that it is the {self._device}"
+                raise self.error("nobody listening", f"the {self._device}", do) from None
         kept, t = [], monotonic()
-        for data, sender in zip(taken, senders, strict=True):
+        for data, sender in came:
             if self._takes(sender[:2], t):
                 self._sender = sender
                 kept.append(data)
@@ -133,9 +121,7 @@ class Udp(Link):
         return self._sent.get(one, 0) < STEADY or t - self._heard > max(GONE, PAUSES * self._longest)
 
     def notes(self, used: bool) -> list[Note]:
-        """As `Link`: others that sent to the port. What is no sample, as of a program that sends by mistake, keeps
-        nobody else away.
-        """
+        """As `Link`: others that sent. What is no sample, as of who sends by mistake, keeps nobody else away."""
         self._used = monotonic() if used else self._used
         (number, other), self._others = self._others, (0, "")
         text = f"another sender, {other}, which is not used: let only one program send to this port"

@@ -1,19 +1,21 @@
-"""Robotiq FT 300: six Modbus registers, asked for 100 times a second, by TCP or a serial line (Linux, macOS)."""
+"""Robotiq FT 300: six Modbus registers, asked for 100 times a second, by TCP or a serial line (Linux, macOS); or
+readings that a Universal Robots controller, to which its cable goes, sends as text to whoever connects.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import selectors
 from struct import Struct
 from time import monotonic
 
 from ..source import About, Batch, DeviceError, Note, NoteKind, Sample
 from ..uri import Uri
-from .reader import Reader
-from .standard_input import StandardInput
-from .transport import Deadline, Tcp
+from .reader import Reader, note_garbage
+from .transport import Deadline, StandardInput, Tcp
 
-PORT, UNIT, NUMBERS = 502, 9, 0x1_0000
+UNIT, NUMBERS = 9, 0x1_0000
 RATE = 100.0
 RANGES = (300.0, 300.0, 300.0, 30.0, 30.0, 30.0)
 """N and N m (Robotiq's data sheet): what reads more, up to the 327 N of a register and no further, is no reading."""
@@ -32,6 +34,9 @@ REFUSALS = {
     11: "the gateway gets no answer from it",
 }
 """What a Modbus exception begins with, and what its code says of the device."""
+LONGEST_READING = 200
+"""Bytes of a reading as text, which are some 60."""
+_reading = re.compile(rb"\(([^()]*)\)").finditer
 COUNTED, SLOW = 0.4, 25.0
 """s for which samples are counted at opening, and Hz, a half of what a serial line can, below which that is said."""
 AGAIN, WITHIN = 0.5, 0.02
@@ -56,9 +61,7 @@ class Ft300Decoder:
         """What the last exception said."""
 
     def number(self, unanswered: bool) -> bytes:
-        """Of the next question, by TCP; whether the one before is `unanswered`: its answer, which may come yet, is told
-        by its number, where a gateway says that.
-        """
+        """Of the next question, by TCP. Where the last is `unanswered`, its answer may come yet, told by its number."""
         if unanswered:
             self._unanswered.add(self._number.to_bytes(2))
         self._number = (self._number + 1) % NUMBERS
@@ -79,11 +82,11 @@ class Ft300Decoder:
                 number = buffer[max(start - 6, 0) : max(start - 4, 0)]
                 batch.samples.append(Sample(arrival, wrench=wrench, flaw=OLD if number in self._unanswered else ""))
                 self._unanswered.discard(number)
-            self._note_garbage(max(start - self._before, 0), batch)
+            note_garbage(max(start - self._before, 0), "answer", batch)
             buffer = buffer[end + self._after :]
         buffer = self._without_refusal(buffer, batch) if start < 0 else buffer
         keep = size + self._before + self._after
-        self._note_garbage(max(len(buffer) - keep, 0), batch)
+        note_garbage(max(len(buffer) - keep, 0), "answer", batch)
         self._buffer = buffer[-keep:]
 
     def _without_refusal(self, buffer: bytes, batch: Batch) -> bytes:
@@ -99,12 +102,8 @@ class Ft300Decoder:
 
     def give_up(self, batch: Batch) -> None:
         """Leave what has come of an answer that does not come whole."""
-        self._note_garbage(len(self._buffer), batch)
+        note_garbage(len(self._buffer), "answer", batch)
         self._buffer = b""
-
-    def _note_garbage(self, number: int, batch: Batch) -> None:
-        if number:
-            batch.notes.append(Note(NoteKind.GARBAGE, f"{number} bytes that are no answer", number))
 
 
 class Serial(StandardInput):
@@ -142,13 +141,12 @@ class Ft300(Reader[Tcp | Serial]):
     ABOUT = "Robotiq FT 300: wrench; by a serial line, or by Modbus TCP through a gateway to one"
     RATE = "as the line can, about 50 Hz; at most 100 Hz"
     TESTED = "its fake in the lab; no sensor, and no serial line"
+    PORT = 502
 
     def __init__(self, uri: Uri) -> None:
-        uri.only()
         self._path = uri.path if not uri.host else ""
         kind = Serial if self._path else Tcp
         super().__init__(uri, kind(uri.text, "Robotiq FT 300"))
-        self._at = uri.host, uri.port or PORT
 
     def open(self) -> About:
         """As `Source`."""
@@ -236,3 +234,49 @@ def crc(data: bytes) -> bytes:
         for _ in range(8):
             value = value >> 1 ^ (0xA001 if value & 1 else 0)
     return value.to_bytes(2, "little")
+
+
+class RobotiqDecoder:
+    """Text to samples: six numbers in parentheses with commas between, N and N m. A line's end may follow or not."""
+
+    def __init__(self) -> None:
+        self._buffer = b""
+
+    def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
+        """Put what is whole into the batch, and keep the rest."""
+        buffer, at = self._buffer + data, 0
+        for found in _reading(buffer):
+            note_garbage(len(buffer[at : found.start()].strip()), "reading", batch)
+            at = found.end()
+            try:
+                fx, fy, fz, tx, ty, tz = map(float, found[1].split(b","))
+            except ValueError:
+                note_garbage(len(found[0].strip()), "reading", batch)
+                continue
+            batch.samples.append(Sample(arrival, wrench=(fx, fy, fz, tx, ty, tz)))
+        begin = buffer.rfind(b"(", at)
+        keep = begin if begin >= 0 and len(buffer) - begin <= LONGEST_READING else len(buffer)
+        note_garbage(len(buffer[at:keep].strip()), "reading", batch)
+        self._buffer = buffer[keep:]
+
+
+class Robotiq(Reader[Tcp]):
+    """The controller. What it sends has neither time nor counter: a reading that is lost or repeated is not seen."""
+
+    FORM = "robotiq://HOST[:63351]"
+    ABOUT = "Robotiq FT 300 whose cable goes into a Universal Robots controller, by its URCap's port: wrench"
+    RATE = "as it sends, about 100 Hz"
+    TESTED = "its fake in the lab, written from public clients; no sensor"
+    PORT = 63_351
+
+    def __init__(self, uri: Uri) -> None:
+        super().__init__(uri, Tcp(uri.text, "controller with Robotiq's URCap"))
+
+    def open(self) -> About:
+        """As `Source`."""
+        deadline = self._link.deadline()
+        self._link.connect(*self._at, deadline)
+        self._begin(RobotiqDecoder())
+        self._first(deadline, lambda: self._link.silent("readings such as ( 2.25 , -0.1 , 29.3 , 0.01 , 0.02 , 0.0 )"))
+        settings = {"by": "the URCap's port"}
+        return About("Robotiq FT 300 by its URCap", wrench=True, orientation=False, ranges=RANGES, settings=settings)

@@ -20,9 +20,9 @@ from ..uri import Uri
 from .columns import NamedColumns
 from .datagrams import Udp
 from .reader import AnyLink, Reader
-from .standard_input import StandardInput
-from .transport import LISTENS, Deadline, Tcp
+from .transport import LISTENS, Deadline, StandardInput, Tcp
 
+OPTIONS = "[?rate=HZ][&columns=t,fx,..][&orientation=NAME[:COLUMNS]][&units=force=kgf,..]"
 LONGEST, SHOWN = 65_536, 60
 """Bytes of a line, and of one that is shown."""
 _no_number = re.compile(rb"(?<=[\s:,[])-?(?:NaN|Infinity)(?=[\s,\]}])").sub
@@ -37,14 +37,7 @@ EXPECTED = (
 
 
 class LinesDecoder:
-    """Bytes to samples.
-
-    Args:
-        naming: what the URI states of the columns.
-        rate: Hz of the lines of a kind, or None.
-        columns: the names of CSV without a header, or none.
-        whole: that what is fed ends with a line's end, as a datagram does.
-    """
+    """Bytes to samples; `columns` of CSV without a header; `whole`: what is fed ends with a line's end."""
 
     def __init__(self, naming: Naming, rate: float | None, columns: Sequence[str] = (), whole: bool = False) -> None:
         self._naming, self._rate, self._whole, self.rest = naming, rate, whole, b""
@@ -93,14 +86,13 @@ class LinesDecoder:
         return self._header(text)
 
     def _header(self, text: str) -> tuple[None, Sequence[float]]:
-        numbers = self._is_numbers(text)
-        found = None if numbers else layout_of([text], "the line")
-        if numbers or (found is not None and found[1].unnamed):
-            raise ValueError("found numbers, expected a header first: send one, or say ?columns=t,fx,fy,fz,tx,ty,tz,..")
-        if found is None:
-            return None, ()
-        layout = found[1]
-        self._csv, self._separator = self._kind(layout.names), layout.separator
+        if self._is_numbers(text):
+            raise ValueError("found numbers, expected a header first, or ?columns=t,fx,fy,fz,tx,ty,tz,..")
+        if (found := layout_of([text], "the line")) is not None:
+            layout = found[1]
+            if layout.unnamed:
+                raise ValueError("found values, expected names: say ?columns=t,fx,fy,fz,tx,ty,tz,..")
+            self._csv, self._separator = self._kind(layout.names), layout.separator
         return None, ()
 
     def _numbers(self, text: str, width: int) -> list[float]:
@@ -148,21 +140,19 @@ class _Lines(Reader[AnyLink]):
     )
     RATE = "the sender's"
     TESTED = "the lab's senders"
-    OPTIONS = "[?rate=HZ][&columns=t,fx,..][&orientation=NAME[:COLUMNS]][&units=force=kgf,..]"
+    OPTIONS = "rate", "columns", "orientation", "units"
     WHOLE, LIKE = False, ""
     """Whether what comes ends with a line's end; and an address with its port, where it has to have one."""
     WAITS: float | None = LISTENS
     """s for the first line; None: as for any device that is connected to."""
 
     def __init__(self, uri: Uri, link: AnyLink) -> None:
-        uri.only("rate", "columns", "orientation", "units")
         super().__init__(uri, link)
         if self.LIKE and uri.port is None:
             raise InputError(f"{uri}: found no port, expected one, as {self.LIKE}")
         self._rate = uri.rate()
         self._naming = Naming(orientation=uri.options.get("orientation", "auto"), units=uri.options.get("units"))
         self._columns = [name.strip() for name in uri.options.get("columns", "").split(",") if name.strip()]
-        self._at = uri.host, uri.port
         self._fresh()
 
     def open(self) -> About:
@@ -208,14 +198,14 @@ def _any(batch: Batch, name: str) -> bool:
 class UdpLines(_Lines[Udp]):
     """A port that others send to."""
 
-    FORM = f"udp://[HOST]:PORT{_Lines.OPTIONS}"
+    FORM = f"udp://[HOST]:PORT{OPTIONS}"
     WHOLE, LIKE = True, "udp://:9000"
 
     def __init__(self, uri: Uri) -> None:
         super().__init__(uri, Udp(uri.text, "sender of lines"))
 
     def _connect(self, deadline: Deadline) -> None:
-        self.port = self._link.bind(self._at[0], self._at[1] or 0)
+        self.port = self._link.bind(*self._at)
 
     def _silent(self) -> DeviceError:
         do = f"let the sender send to port {self.port} of this computer"
@@ -225,20 +215,20 @@ class UdpLines(_Lines[Udp]):
 class TcpLines(_Lines[Tcp]):
     """A server."""
 
-    FORM, LIKE = f"tcp://HOST:PORT{_Lines.OPTIONS}", "tcp://192.168.0.10:9000"
+    FORM, LIKE = f"tcp://HOST:PORT{OPTIONS}", "tcp://192.168.0.10:9000"
     WAITS = None
 
     def __init__(self, uri: Uri) -> None:
         super().__init__(uri, Tcp(uri.text, "server of lines"))
 
     def _connect(self, deadline: Deadline) -> None:
-        self._link.connect(self._at[0], self._at[1] or 0, deadline)
+        self._link.connect(*self._at, deadline)
 
 
 class StdinLines(_Lines[StandardInput]):
     """What another program writes."""
 
-    FORM = f"stdin:{_Lines.OPTIONS}"
+    FORM = f"stdin:{OPTIONS}"
 
     def __init__(self, uri: Uri) -> None:
         super().__init__(uri, StandardInput(uri.text, "program that writes lines"))

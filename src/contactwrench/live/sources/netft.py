@@ -17,9 +17,9 @@ from ..counter import Counter
 from ..source import About, Batch, DeviceError, Note, NoteKind, Sample
 from ..uri import Uri
 from .datagrams import Udp
-from .reader import NOT_AGAIN, ZEROED, Reader
+from .reader import Reader
 
-PORT, HTTP_PORT = 49_152, 80
+HTTP_PORT = 80
 PAGE = "/netftapi2.xml"
 _request = Struct(">HHI").pack
 STOP, STREAM, ZERO = (_request(0x1234, command, 0) for command in (0, 2, 0x42))
@@ -45,14 +45,7 @@ AGAIN = 1.0
 
 
 class NetFtDecoder:
-    """Datagrams of whole records to samples.
-
-    Args:
-        force: counts of one N.
-        torque: counts of one N m.
-        rate: Hz.
-        saturated: the bits of the status that say it.
-    """
+    """Records to samples: counts of one N and one N m, at `rate` Hz; `saturated`: the bits of a status that say it."""
 
     def __init__(self, force: float, torque: float, rate: float, saturated: int) -> None:
         self._force, self._torque = 1.0 / force, 1.0 / torque
@@ -89,13 +82,11 @@ class NetFt(Reader[Udp]):
     ABOUT = "ATI Net F/T, Axia with Ethernet: wrench; http: the port of its page; zero=1: the box zeroes itself first"
     RATE = "as set on its page, at most 7000 Hz"
     TESTED = "its fake in the lab, written from ATI's manual; no box"
+    PORT, OPTIONS = 49_152, ("http", "zero")
 
     def __init__(self, uri: Uri) -> None:
-        uri.only("http", "zero")
         super().__init__(uri, Udp(uri.text, "Net F/T"), STOP)
-        self._at = uri.host, uri.port or PORT
         self._http = uri.whole("http", HTTP_PORT)
-        self._zero, self._zeroed = uri.switch("zero"), False
         self._changed, self._closed = "", Event()
 
     def open(self) -> About:
@@ -106,15 +97,14 @@ class NetFt(Reader[Udp]):
         name, said, address = self._said()
         *_, rate = said
         self._link.connect(address, self._at[1])
-        if self._zero and not self._zeroed:
+        if self._is_to_zero:
             self._link.send(ZERO)
         self._link.send(STREAM)
         saturated = SATURATED["axia" if "axia" in name.lower() else "net"]
         self._begin(NetFtDecoder(*said, saturated))
         self._heard = monotonic()
         self._first(deadline, lambda: self._link.silent("records"))
-        settings = {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
-        self._zeroed = self._zero
+        settings = self._zeroed_now()
         Thread(target=self._look, args=(said, self._closed), name=f"page of {self.uri}", daemon=True).start()
         return About(f"ATI {name}", wrench=True, orientation=False, rate=rate, settings=settings)
 

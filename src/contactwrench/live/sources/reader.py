@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Generic, Protocol, TypeVar
 
-from ..source import Batch, DeviceError, NoteKind, now
+from ..source import Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .transport import Deadline, Link
 
@@ -14,7 +14,6 @@ LOOK = 0.1
 """s that a read waits for the first samples."""
 NOT_A_STREAM = 100_000
 """Bytes without a sample after which what comes is no stream of the device."""
-
 ZEROED = "the box was told to zero itself: its bias is not the sensor's"
 NOT_AGAIN = (
     "the box was not told again: where it lost power it has lost its zero too, so take a new one with a free tool"
@@ -31,22 +30,35 @@ class Decoder(Protocol):
         """Put what is whole into the batch, and keep the rest."""
 
 
+def note_garbage(number: int, what: str, batch: Batch) -> None:
+    """Note bytes, if there are any, that are none of `what` is decoded."""
+    if number:
+        batch.notes.append(Note(NoteKind.GARBAGE, f"{number} bytes that are no {what}", number))
+
+
 AnyLink = TypeVar("AnyLink", bound=Link)
 
 
 class Reader(Generic[AnyLink]):
-    """A source's second half; the first is `open`, which connects and then begins.
+    """A source's second half; `open` is the first. `farewell` is what the device is sent before the link is closed."""
 
-    Args:
-        uri: of the device.
-        link: to it.
-        farewell: what it is sent before the link is closed.
-    """
+    PORT = 0
+    """That is meant where the URI has none."""
+    OPTIONS: tuple[str, ...] = ()
+    """That the URI may have."""
 
     def __init__(self, uri: Uri, link: AnyLink, farewell: bytes = b"") -> None:
-        self.uri = uri.text
+        uri.only(*self.OPTIONS)
+        self.uri, self._at = uri.text, (uri.host, uri.port or self.PORT)
         self._link, self._farewell = link, farewell
         self._early, self._unread = Batch(), 0
+        self._is_to_zero, self._was_zeroed = uri.switch("zero"), False
+
+    def _zeroed_now(self) -> dict[str, str]:
+        """What is to be said of its zero, once it has been told to take one, if it was to."""
+        told = ZEROED if self._is_to_zero else NOT_AGAIN if self._was_zeroed else ""
+        self._is_to_zero, self._was_zeroed = False, bool(told)
+        return {"zero": told} if told else {}
 
     def read(self, timeout: float) -> Batch:
         """As `Source`."""

@@ -8,7 +8,7 @@ from importlib import import_module
 from math import nan
 from threading import Event, Lock
 from time import sleep
-from typing import Any, Protocol
+from typing import Any
 
 from ...errors import MissingExtraError
 from ..counter import Counter
@@ -22,19 +22,6 @@ DEPTH = 1_000
 """Messages that wait for a reader which is late."""
 STEP = 0.05
 """s for which a wait cannot be ended from another thread."""
-
-
-class Subscription(Protocol):
-    """What both ways to ROS give."""
-
-    type_name: str
-
-    def take(self, timeout: float) -> list[Any]:
-        """Messages that have come, waiting for the first."""
-        ...
-
-    def close(self) -> None:
-        """Leave."""
 
 
 class Ros2:
@@ -52,7 +39,7 @@ class Ros2:
         uri.only()
         self.uri = uri.text
         self._topic = "/" + uri.text.partition("?")[0].partition("://")[2].strip("/")
-        self._subscription: Subscription | None = None
+        self._subscription: _Rosless | _Rclpy | None = None
         self._closed, self._lock = Event(), Lock()
 
     def open(self) -> About:
@@ -111,7 +98,7 @@ class Ros2:
             position: Three | None = (p.x, p.y, p.z) if p.x or p.y or p.z else None  # nobody filled it in
             batch.samples.append(Sample(arrival, device, None, turn, position))
 
-    def _made(self) -> tuple[Subscription, str]:
+    def _made(self) -> tuple[_Rosless | _Rclpy, str]:
         try:
             import_module("rclpy")
         except ImportError:

@@ -16,7 +16,6 @@ from .datagrams import Udp
 from .reader import Reader
 from .transport import LISTENS
 
-PORT = 49_152
 SHORTEST = 4
 """ms, of the robot's cycles; the other is 12."""
 FIRST, SHOWN = 6, 40
@@ -49,24 +48,22 @@ class RsiDecoder:
             x, y, z, a, b, c = numbers = _numbers(pose[1] if pose else b"", b"XYZABC")
             if not found or not isfinite(sum(numbers)):
                 raise ValueError
-            joints = _angles(data)
+            axes = _joints(data)
+            joints = tuple(radians(float(value)) for _, value in _attributes(axes[1])) if axes else None
         except ValueError:
             self.amiss = _amiss(data)
             what, _, do = self.amiss
             batch.notes.append(Note(NoteKind.GARBAGE, f"{what}: {do}", len(data)))
             return
         device = self._counter.take(self.ipoc, arrival, batch)
-        self._note_late(data, batch)
-        if device is not None:
-            position = 1e-3 * x, 1e-3 * y, 1e-3 * z
-            batch.samples.append(Sample(arrival, device, None, from_kuka_abc(a, b, c), position, joints))
-
-    def _note_late(self, data: bytes, batch: Batch) -> None:
-        if found := _delay(data):
-            if (late := int(found[1])) > self._late:
+        if (counted := _delay(data)) is not None:
+            if (late := int(counted[1])) > self._late:
                 text = f"the robot has counted {late} late answers, too many of which stop it"
                 batch.notes.append(Note(NoteKind.LATE, text, late - self._late))
             self._late = late
+        if device is not None:
+            position = 1e-3 * x, 1e-3 * y, 1e-3 * z
+            batch.samples.append(Sample(arrival, device, None, from_kuka_abc(a, b, c), position, joints))
 
 
 class Rsi(Reader[Udp]):
@@ -79,11 +76,11 @@ class Rsi(Reader[Udp]):
     )
     RATE = "250 or 83.3 Hz, as the robot is set"
     TESTED = "its fake in the lab, written from KUKA's manual; no robot"
+    PORT = 49_152
 
     def __init__(self, uri: Uri) -> None:
-        uri.only()
         super().__init__(uri, Udp(uri.text, "KUKA robot"))
-        self._at = uri.host, PORT if uri.port is None else uri.port
+        self._at = uri.host, self.PORT if uri.port is None else uri.port
         self.corrections: Corrections | None = None
         self.port = 0
 
@@ -146,9 +143,3 @@ def _amiss(data: bytes) -> tuple[str, str, str]:
 def _numbers(attributes: bytes, names: bytes) -> list[float]:
     found = dict(_attributes(attributes))
     return [float(found.get(bytes([name]), b"")) for name in names]
-
-
-def _angles(data: bytes) -> tuple[float, ...] | None:
-    """Of the axes, rad, as many as are sent."""
-    found = _joints(data)
-    return tuple(radians(float(value)) for _, value in _attributes(found[1])) if found else None

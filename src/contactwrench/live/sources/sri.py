@@ -11,10 +11,9 @@ from ...errors import visible
 from ..counter import Counter
 from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six
 from ..uri import Uri
-from .reader import NOT_AGAIN, ZEROED, Reader
+from .reader import Reader, note_garbage
 from .transport import Deadline, Tcp
 
-PORT = 4008
 USUAL_RATE = 1_000.0
 """Hz; for the device's time where a box does not say its rate."""
 MODULUS = 1 << 16
@@ -42,10 +41,7 @@ slow network too its rate is to be heard. What `open` may take is the end of it.
 
 class SriDecoder:
     """Bytes to samples. A packet is taken by its sum; a wrong sum with a packet behind it is a spoiled packet, one with
-    none behind it was no packet.
-
-    Args:
-        rate: Hz, of the device's clock.
+    none behind it was no packet. `rate` Hz is that of the device's clock.
     """
 
     def __init__(self, rate: float) -> None:
@@ -99,8 +95,8 @@ class SriDecoder:
 
     def _skipped(self, number: int, batch: Batch) -> int:
         """Note bytes that are no packet; before the first one they are answers to commands."""
-        if number and self._streaming:
-            batch.notes.append(Note(NoteKind.GARBAGE, f"{number} bytes that are no packet", number))
+        if self._streaming:
+            note_garbage(number, "packet", batch)
         return 0
 
 
@@ -111,13 +107,11 @@ class Sri(Reader[Tcp]):
     ABOUT = "SRI M8125, M8128: wrench; rate: asked of the box; zero=1: the box zeroes itself first"
     RATE = "as asked for, else as the box is set; usually 1000 Hz"
     TESTED = "its fake in the lab, written from public drivers; no box"
+    PORT, OPTIONS = 4008, ("rate", "zero")
 
     def __init__(self, uri: Uri) -> None:
-        uri.only("rate", "zero")
         super().__init__(uri, Tcp(uri.text, "SRI interface box"), b"AT+GSD=STOP\r\n")
-        self._at = uri.host, uri.port or PORT
         self._asked = uri.rate()
-        self._zero, self._zeroed = uri.switch("zero"), False
 
     def open(self) -> About:
         """As `Source`."""
@@ -128,12 +122,12 @@ class Sri(Reader[Tcp]):
         address = self._ask("EIP=?", deadline, needed=True).replace(ERROR, "") or "not told"
         self._obeys = OBEYS + 2.0 * (monotonic() - begun)
         rate = self._set_rate(deadline)
-        told = {"address of the box": address, **self._channels(deadline), **self._matrix(deadline)}
-        zero = self._zero and not self._zeroed
-        for command in (SUMS, *(["ADJZF=1;1;1;1;1;1"] if zero else [])):
-            told[command] = _outcome(command, self._ask(command, self._soon(deadline)))
-        told |= {"zero": (ZEROED, NOT_AGAIN)[self._zeroed]} if self._zero else {}
-        self._zeroed = self._zero
+        told = {"address of the box": address, **self._channels(deadline)}
+        unit = self._ask("DCPCU=?", deadline).upper()  # all known programs set MVPV, mV/V
+        told["unit of its decoupling matrix"] = unit if UNIT(unit) else "not told"
+        for command in (SUMS, *(["ADJZF=1;1;1;1;1;1"] if self._is_to_zero else [])):
+            told[command] = _outcome(command, self._ask(command, deadline))
+        told |= self._zeroed_now()
         self._begin(decoder := SriDecoder(rate or self._asked or USUAL_RATE))
         self._link.send(b"AT+GSD\r\n")
         self._first(deadline, lambda: self._no_samples(decoder.instead()), 2)
@@ -141,19 +135,14 @@ class Sri(Reader[Tcp]):
 
     def _channels(self, deadline: Deadline) -> dict[str, str]:
         """Have it send N and N m, and what it says to that. Raises `DeviceError`: it sends counts."""
-        said = self._ask(CHANNELS, self._soon(deadline))
+        said = self._ask(CHANNELS, deadline)
         if said in ("", ERROR):  # it stays as it is, and may say how that is
-            said = self._ask("SGDM=?", self._soon(deadline)) or said
+            said = self._ask("SGDM=?", deadline) or said
         if COUNTS(said):
             do = f"set AT+{CHANNELS} in its maker's program, with the sensor's decoupling matrix"
             raise self._link.error(f"AD counts ({said})", "N and N m", do)
         doubt = ", so whether it sends N and N m is not known" * (said in ("", ERROR))
         return {CHANNELS: _outcome(CHANNELS, said) + doubt}
-
-    def _matrix(self, deadline: Deadline) -> dict[str, str]:
-        """In which unit its decoupling matrix is; all known programs set MVPV, mV/V."""
-        said = self._ask("DCPCU=?", self._soon(deadline)).upper()
-        return {"unit of its decoupling matrix": said if UNIT(said) else "not told"}
 
     def _no_samples(self, instead: str) -> DeviceError:
         """What is raised where it sends no stream that can be read."""
@@ -162,38 +151,34 @@ class Sri(Reader[Tcp]):
         do = f"set AT+{SUMS} and AT+{CHANNELS} in its maker's program"
         return self._link.error(instead, f"packets of {SIZE}, one sample of six channels, a number and a sum", do)
 
-    def _soon(self, deadline: Deadline) -> Deadline:
-        """For a command that an older box may not know."""
-        return self._link.deadline(min(self._obeys, deadline.left))
-
     def _set_rate(self, deadline: Deadline) -> float | None:
         """What the box says its rate is; older boxes call it by another name."""
         wanted = f"{self._asked:g}" if self._asked else "?"
         for name in ("SMPF", "SMPR"):
-            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", self._soon(deadline)))
+            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", deadline))
             if found:
                 return float(found[0]) or None
         return None
 
     def _ask(self, command: str, deadline: Deadline, needed: bool = False) -> str:
-        """The value that the box answers to a command, `ERROR`; empty: nothing. Raises `DeviceError`."""
+        """The value that the box answers to a command, `ERROR`; empty: nothing. One that is not `needed` an older box
+        may not know. Raises `DeviceError`.
+        """
+        until = deadline if needed else self._link.deadline(min(self._obeys, deadline.left))
         self._link.send(f"AT+{command}\r\n".encode())
         name = command.partition("=")[0].encode()
         answer = re.compile(rb"ACK\+" + name + rb"=([^\r\n]*)\r?\n")
         while (found := answer.search(self._answers)) is None:
-            if not deadline.left:
+            if not until.left:
                 if needed:
                     raise self._link.silent(EXPECTED)
                 return ""
-            self._answers += b"".join(self._link.receive(deadline.left))
-            self._refuse_another()
+            self._answers += b"".join(self._link.receive(until.left))
+            if len(self._answers) > 15 and b"ACK+" not in self._answers and HEADER[:2] not in self._answers:
+                raise self._link.another(self._answers, EXPECTED)
         self._answers = self._answers[found.end() :]
         said = visible(found[1].decode("latin-1")).replace("$OK", "").replace(" ", "")
         return ERROR if ERROR in said else said[:SHOWN]
-
-    def _refuse_another(self) -> None:
-        if len(self._answers) > 15 and b"ACK+" not in self._answers and HEADER[:2] not in self._answers:
-            raise self._link.another(self._answers, EXPECTED)
 
 
 def _outcome(command: str, said: str) -> str:

@@ -1,4 +1,6 @@
-"""Links to devices, and TCP: connect, wait, take all that came; closed from any thread; errors that say what to do."""
+"""Links to devices, TCP and standard input: connect, wait, take all that came; closed from any thread; errors that say
+what to do.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ import errno
 import os
 import selectors
 import socket
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
@@ -14,7 +17,7 @@ from time import monotonic
 from typing import Any
 
 from ...errors import visible
-from ..source import DeviceError, NobodyYetError, Note
+from ..source import DeviceError, EndOfStreamError, NobodyYetError, Note
 
 PATIENCE, TO_CONNECT, ATTEMPTS = 10.0, 1.0, 3
 """s that a device may take to connect and to answer, all of it together: a gateway to a serial line, or a controller
@@ -43,13 +46,10 @@ class Deadline:
 
 
 class Link(ABC):
-    """A socket that one thread reads and any may close, which ends a wait of the reader.
+    """A socket that one thread reads and any may close, which ends a wait of the reader. Messages name the device by
+    its `uri`, and by what is expected there, a `device`.
 
     The reader holds the lock while it waits, so that no socket is closed, and its number given to another, under it.
-
-    Args:
-        uri: as messages name the device.
-        device: what is expected there, for people.
     """
 
     def __init__(self, uri: str, device: str) -> None:
@@ -61,9 +61,14 @@ class Link(ABC):
         self._selector: selectors.BaseSelector | None = None
         self._awaited = 0
 
-    @abstractmethod
     def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `DeviceError`."""
+        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: the connection is cut."""
+        with self._lock:
+            return self._received() if self._ready(selectors.EVENT_READ, timeout) else []
+
+    @abstractmethod
+    def _received(self) -> list[bytes]:
+        """What can be read. The lock is held."""
 
     def send(self, data: bytes) -> None:
         """To the device that it is connected to; what is lost is lost. Raises `DeviceError` where that can be known."""
@@ -171,17 +176,13 @@ class Tcp(Link):
         except OSError as error:
             raise self._cut(error) from None
 
-    def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: the connection is cut."""
-        with self._lock:
-            if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
-                return []
-            try:
-                data = self._socket.recv(MOST_BYTES)
-            except BlockingIOError:
-                return []
-            except OSError as error:
-                raise self._cut(error) from None
+    def _received(self) -> list[bytes]:
+        try:
+            data = self._socket.recv(MOST_BYTES)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise self._cut(error) from None
         if not data:
             raise self._cut(None)
         return [data]
@@ -203,3 +204,26 @@ class Tcp(Link):
     def _cut(self, error: OSError | None) -> DeviceError:
         why = f" ({(error.strerror or str(error)).lower()})" if error is not None else ""
         return self.error(f"the connection closed{why}", "samples", f"check the {self._device} and its cable")
+
+
+class StandardInput(Link):
+    """What another program writes."""
+
+    def start(self) -> None:
+        """Begin. Raises `EndOfStreamError`: it is closed."""
+        if sys.stdin is None:
+            raise self._ended()
+        with self._lock:
+            self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0), selectors.SelectSelector())
+
+    def _received(self) -> list[bytes]:
+        try:
+            data = self._socket.read(MOST_BYTES)
+        except OSError:  # of a line that was pulled out
+            data = b""
+        if data == b"":
+            raise self._ended()
+        return [data] if data else []
+
+    def _ended(self) -> DeviceError:
+        return EndOfStreamError(str(self.error("its end", "more lines", "keep the program that writes them running")))

@@ -5,8 +5,9 @@ An own client: ur-rtde polls, so that it loses and doubles samples, and has no w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
-from struct import Struct
+from struct import Struct, pack
 from typing import Any
 
 from ...errors import InputError
@@ -14,11 +15,9 @@ from ...geometry.quaternions import from_rotation_vector, inverse, product, rota
 from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six, now
 from ..uri import Uri
-from . import rtde
-from .reader import Reader
+from .reader import Reader, note_garbage
 from .transport import Deadline, Tcp
 
-PORT = 30_004
 E_SERIES, CB3 = 500.0, 125.0
 """Hz, the controllers' own."""
 NO_SENSOR = 5_000.0
@@ -44,22 +43,65 @@ TORQUE = {
     "told": "about the TCP, whose offset is not told",
 }
 """Of `actual_TCP_force`, as Universal Robots' own driver has it."""
-CONTROLLER = Struct(">4I")
-_frequency = Struct(">d").pack
+VERSION, CONTROLLER, OUTPUTS, START, PAUSE, DATA, TEXT = KINDS = b"VvOSPUM"
+"""The kinds of RTDE's packages, which are a size, a kind and a payload (version 2 of the protocol)."""
+HEADER, RELEASE = Struct(">HB"), Struct(">4I")
+"""Of a package; and the payload that says the controller's version."""
+FORMS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i"}
+"""The types of all fields that are asked for."""
+LONGEST = 2_048
+"""Bytes of a package that is no data."""
 EXPECTED, IN_USE = "an RTDE server", "IN_USE"
 
 
-class UrDecoder:
-    """Bytes to samples; the flange is where the TCP is, without the TCP's offset.
-
-    Args:
-        recipe: of the data packages.
-        rate: Hz asked for.
-        wrench: the field of the wrench, or an empty text.
-        at_tcp: its torque is about the TCP, and is moved to the flange.
+class Recipe:
+    """What a data package holds: fields with these `names` and `types` of RTDE, under the `number` that the controller
+    gave it. `places` are each field's numbers among all of a package.
     """
 
-    def __init__(self, recipe: rtde.Recipe, rate: float, wrench: str, at_tcp: bool = False) -> None:
+    def __init__(self, number: int, names: Sequence[str], types: Sequence[str]) -> None:
+        self.struct = Struct(">" + "".join(FORMS[each] for each in types))
+        self.header = HEADER.pack(HEADER.size + 1 + self.struct.size, DATA) + bytes([number])
+        self.places: dict[str, slice] = {}
+        at = 0
+        for name, kind in zip(names, types, strict=True):
+            width = int(FORMS[kind][:-1] or 1)
+            self.places[name] = slice(at, at + width)
+            at += width
+
+
+def package(kind: int, payload: bytes = b"") -> bytes:
+    """As it is sent."""
+    return HEADER.pack(HEADER.size + len(payload), kind) + payload
+
+
+def first(buffer: bytes) -> tuple[int, bytes, bytes] | None:
+    """The kind and the payload of the package that a buffer begins with, and what is behind it; None: it is not whole.
+
+    Raises `ValueError` where the buffer begins with none.
+    """
+    if len(buffer) < HEADER.size:
+        return None
+    size, kind = HEADER.unpack_from(buffer)
+    if not HEADER.size <= size <= LONGEST or kind not in KINDS:
+        raise ValueError
+    return (kind, buffer[HEADER.size : size], buffer[size:]) if len(buffer) >= size else None
+
+
+def text_of(payload: bytes) -> str | None:
+    """What a text message says; None where it is none: a length, the text, a length, who says it, how grave."""
+    end = 1 + payload[0] if payload else 0
+    if not payload or len(payload) <= end or len(payload) != end + payload[end] + 2:
+        return None
+    return payload[1:end].decode("utf-8", "replace")
+
+
+class UrDecoder:
+    """Bytes to samples; the flange is where the TCP is, without the TCP's offset. `rate` Hz was asked for; `wrench` is
+    the field of the wrench, or an empty text, and `at_tcp` that its torque is about the TCP, and is moved.
+    """
+
+    def __init__(self, recipe: Recipe, rate: float, wrench: str, at_tcp: bool = False) -> None:
         self._recipe, self._buffer = recipe, b""
         self._size = len(recipe.header) + recipe.struct.size
         self._counter = Counter(1e-6, step=round(1e6 / rate), learns=True)
@@ -92,10 +134,10 @@ class UrDecoder:
 
     def _between(self, piece: bytes, start: int, batch: Batch) -> int:
         """How many bytes of what stands before the next data package, at `start` if it has come, are done with."""
-        if len(piece) >= rtde.HEADER.size:
-            size, kind = rtde.HEADER.unpack_from(piece)
-            if kind == rtde.TEXT and size <= rtde.LONGEST:
-                if (text := rtde.text_of(piece[rtde.HEADER.size : size])) is not None and len(piece) >= size:
+        if len(piece) >= HEADER.size:
+            size, kind = HEADER.unpack_from(piece)
+            if kind == TEXT and size <= LONGEST:
+                if (text := text_of(piece[HEADER.size : size])) is not None and len(piece) >= size:
                     batch.notes.append(Note(NoteKind.STATUS, f"the robot says {text!r}"))
                     return int(size)
                 if start < 0 and len(piece) < size:
@@ -103,8 +145,7 @@ class UrDecoder:
         elif start < 0:
             return 0
         keep = next(k for k in (3, 2, 1, 0) if piece.endswith(self._recipe.header[:k])) if start < 0 else 0
-        if garbage := len(piece) - keep:
-            batch.notes.append(Note(NoteKind.GARBAGE, f"{garbage} bytes that are no package", garbage))
+        note_garbage(garbage := len(piece) - keep, "package", batch)
         return garbage
 
     def _sample(self, values: tuple[Any, ...], arrival: float, batch: Batch) -> None:
@@ -157,11 +198,10 @@ class Ur(Reader[Tcp]):
     )
     RATE = "as asked for, else 500 Hz (CB3: 125 Hz)"
     TESTED = "its fake in the lab, written from the RTDE guide; no robot"
+    PORT, OPTIONS = 30_004, ("rate", "force")
 
     def __init__(self, uri: Uri) -> None:
-        uri.only("rate", "force")
-        super().__init__(uri, Tcp(uri.text, "robot's controller, RTDE switched on"), rtde.package(rtde.PAUSE))
-        self._host, self._port = uri.host, uri.port or PORT
+        super().__init__(uri, Tcp(uri.text, "robot's controller, RTDE switched on"), package(PAUSE))
         self._rate = uri.rate()
         self._force = RAW
         if "force" in uri.options:
@@ -172,18 +212,18 @@ class Ur(Reader[Tcp]):
     def open(self) -> About:
         """As `Source`."""
         deadline = self._link.deadline()
-        self._link.connect(self._host, self._port, deadline)
+        self._link.connect(*self._at, deadline)
         self._answers = b""
-        if self._ask(rtde.VERSION, b"\x00\x02", deadline) != b"\x01":
+        if self._ask(VERSION, b"\x00\x02", deadline) != b"\x01":
             raise self._link.error("an RTDE of version 1", "version 2", "update PolyScope to 3.3 or newer")
-        said = self._ask(rtde.CONTROLLER, b"", deadline)
-        if len(said) != CONTROLLER.size:
+        said = self._ask(CONTROLLER, b"", deadline)
+        if len(said) != RELEASE.size:
             raise self._link.another(said, EXPECTED)
-        version = CONTROLLER.unpack(said)
+        version = RELEASE.unpack(said)
         rate = self._rate or (E_SERIES if version[0] >= 5 else CB3)
         recipe = self._recipe(rate, deadline)
         wrench = self._force if self._force in recipe.places else ""
-        if self._ask(rtde.START, b"", deadline) != b"\x01":
+        if self._ask(START, b"", deadline) != b"\x01":
             raise self._link.error("a refusal to start", "data", "end another program that uses RTDE's outputs")
         at_tcp = wrench == COMPENSATED and version[0] < 5
         self._begin(decoder := UrDecoder(recipe, rate, wrench, at_tcp))
@@ -195,11 +235,11 @@ class Ur(Reader[Tcp]):
             self._early.samples = [sample._replace(wrench=None) for sample in self._early.samples]
         return _about(version, rate, wrench, recipe)
 
-    def _recipe(self, rate: float, deadline: Deadline) -> rtde.Recipe:
+    def _recipe(self, rate: float, deadline: Deadline) -> Recipe:
         """The fields that this controller has."""
         names = [*WANTED, self._force]
         while True:
-            answer = self._ask(rtde.OUTPUTS, _frequency(rate) + ",".join(names).encode(), deadline)
+            answer = self._ask(OUTPUTS, pack(">d", rate) + ",".join(names).encode(), deadline)
             types = answer[1:].decode("ascii", "replace").split(",")
             if len(types) != len(names):
                 raise self._link.another(answer, EXPECTED)
@@ -208,31 +248,32 @@ class Ur(Reader[Tcp]):
                 raise self._link.error(
                     f"{name} in use by another client of RTDE", "it free", "end that one, or its input"
                 )
-            missing = [name for name, kind in zip(names, types, strict=True) if kind not in rtde.FORMS]
+            missing = [name for name, kind in zip(names, types, strict=True) if kind not in FORMS]
             if not missing:
-                return rtde.Recipe(answer[0], names, types)
+                return Recipe(answer[0], names, types)
             if lacking := set(missing) & {*NEEDED, COMPENSATED}:
                 raise self._link.error(f"no {lacking.pop()}", "that field of RTDE", "update PolyScope to 3.3 or newer")
             names = [name for name in names if name not in missing]
 
     def _ask(self, kind: int, payload: bytes, deadline: Deadline) -> bytes:
         """The payload of the answer of this kind; text messages before it are left out. Raises `DeviceError`."""
-        self._link.send(rtde.package(kind, payload))
+        self._link.send(package(kind, payload))
         while True:
             try:
-                found, size = rtde.first(self._answers)
+                found = first(self._answers)
             except ValueError:
                 raise self._link.another(self._answers, EXPECTED) from None
-            self._answers = self._answers[size:]
-            if found is not None and found.kind == kind:
-                return found.payload
             if found is None:
                 if not deadline.left:
                     raise self._link.silent(EXPECTED)
                 self._answers += b"".join(self._link.receive(deadline.left))
+                continue
+            answered, answer, self._answers = found
+            if answered == kind:
+                return answer
 
 
-def _about(version: tuple[int, ...], rate: float, wrench: str, recipe: rtde.Recipe) -> About:
+def _about(version: tuple[int, ...], rate: float, wrench: str, recipe: Recipe) -> About:
     series = "e-series" if version[0] >= 5 else "CB3"
     settings = {
         "wrench": wrench or "none: this arm has no sensor at its wrist, or its PolyScope is older than 5.9",

@@ -1,5 +1,5 @@
-"""Samples that come many at a time: as from a buffer that is emptied ten times a second, how long a burst is, and when
-each of its samples was taken; and behind a gap, whether they waited in it.
+"""How the samples of one stream come: at which rate; many at a time, as from a buffer that is emptied ten times a
+second; and behind a gap, in which they may have waited.
 """
 
 from __future__ import annotations
@@ -11,6 +11,77 @@ from statistics import median
 
 from .clock import LATE
 
+SURELY, SOON = (0.5, 0.1), (0.12, 0.3)
+"""s of a window, and the part by which two of them are to be off: a rate that is far off is not waited for longer."""
+COUNTED = 10
+"""Samples that are to come in a window, which is longer for a slow device: one more or less makes no other rate."""
+RIGHT = 0.5
+"""Of the part by which a rate is off: within it, it is right again. One at the limit is not said over and over so."""
+
+
+class Windows:
+    """Samples counted in windows of at least `over` s, from one arrival to another, so that bursts count as what they
+    are. Of the last two windows `counted` have ended, with `rate` Hz, None before. It is `off` where both differ from
+    `asked`, Hz, by more than the part `by`, and less from each other: a stall, the burst behind it and silence are no
+    rate; and `right` where the last one has it.
+    """
+
+    def __init__(self, asked: float | None, over: float, by: float) -> None:
+        self._asked, self._by = asked, by
+        self._over = over if asked is None else max(over, COUNTED / asked)
+        self.begin(-inf)
+
+    def begin(self, t: float) -> None:
+        """Count anew, from `t` s on."""
+        self._marks: deque[tuple[float, int]] = deque(maxlen=3)
+        self._due, self.counted, self.off, self.right = t, 0, False, False
+        self.rate: float | None = None
+
+    def look(self, samples: int, t: float) -> None:
+        """Count on; so many `samples` have come in all, the last of them at `t` s."""
+        if t < self._due or (self._marks and samples == self._marks[-1][1]):
+            return
+        self._due = t + self._over
+        self._marks.append((t, samples))
+        rates = [(after - before) / (end - begin) for (begin, before), (end, after) in pairwise(self._marks)]
+        if not rates:
+            return
+        self.counted, self.rate = len(rates), sum(rates) / len(rates)
+        if self._asked is not None:
+            errors = [rate / self._asked - 1.0 for rate in rates]
+            least = min(map(abs, errors))
+            self.right = abs(errors[-1]) < RIGHT * self._by
+            self.off = len(rates) == 2 and least > max(self._by, abs(errors[1] - errors[0])) and min(rates) > 0.0
+
+
+class Rate:
+    """The rate `hz` of a device over the last second or longer, against the one `asked` for; None: not known."""
+
+    def __init__(self, asked: float | None, t: float) -> None:
+        self.asked = asked
+        self.hz: float | None = None
+        self._surely, self._soon = Windows(asked, *SURELY), Windows(asked, *SOON)
+        self.begin(t)
+
+    def begin(self, t: float) -> None:
+        """Count anew, from `t` s on."""
+        self._off: Windows | None = None
+        self._surely.begin(t)
+        self._soon.begin(t)
+
+    def look(self, samples: int, t: float) -> float | None:
+        """Count on. What comes, Hz, where that has become another rate than was asked for: once, until right again."""
+        self._surely.look(samples, t)
+        self._soon.look(samples, t)
+        self.hz = self._surely.rate or self.hz
+        if self._off is None:
+            self._off = next((each for each in (self._soon, self._surely) if each.off), None)
+            return None if self._off is None else self._off.rate
+        if self._off.right:
+            self.begin(t)
+        return None
+
+
 PAUSE, MOST = 0.5 * LATE, 1.0
 """s without a sample, behind which a new burst begins; s from one burst to the next: more are stops."""
 KEPT, FEWEST = 8, 3
@@ -19,8 +90,6 @@ SHORT = 0.5
 """Of the time from burst to burst, that the samples of one come within: those of a slow stream come all of the time."""
 REGULAR = 0.25
 """Part by which the time from burst to burst, and their samples, may be off: a stall of the network is off by more."""
-
-
 GAP, SOME, FASTER = 3.0, 10, 1.05
 """Periods without a sample, and `LATE` at the least, behind which one that has no time of its own may have been taken
 before the gap, and waited. So it is for `LATE`, and until as much has come early as can have waited, or for `SOME`
@@ -40,9 +109,7 @@ class Waited:
         self._came, self._end = 0, -inf
 
     def took(self, arrival: float, usual: float) -> float:
-        """How long the gap was, s, in which a sample may have waited, that came where they come every `usual` s; 0:
-        it did not.
-        """
+        """The gap, s, in which a sample may have waited, that came where they come every `usual` s; 0: it did not."""
         gap, self._arrived = arrival - self._arrived, arrival
         if max(LATE, GAP * usual) < gap < inf:
             self._gap, self._usual, self._begin, self._came = gap, usual, arrival, 0
@@ -63,11 +130,7 @@ class Waited:
 
 
 class Bursts:
-    """The bursts of one stream, by the arrivals of its samples.
-
-    Attributes:
-        period: s from one burst to the next; 0: its samples come evenly, or stop and go as they like.
-    """
+    """The bursts of one stream; `period`: s from one to the next, 0: its samples come evenly, or stop and go."""
 
     def __init__(self) -> None:
         self.period, self._step = 0.0, 0.0
@@ -75,9 +138,7 @@ class Bursts:
         self._arrived, self._samples = -inf, 0
 
     def taken(self, arrival: float) -> float | None:
-        """When the next sample was taken, s: steady bursts are spread over the time since the burst before; None: of no
-        such burst.
-        """
+        """When the next sample was taken, s: a steady burst is spread over the time since the last; None: no burst."""
         if arrival - self._arrived > PAUSE:
             self._begins.append((arrival, self._samples, self._arrived))
             self._judge()
