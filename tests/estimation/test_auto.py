@@ -208,7 +208,7 @@ def test_torques_that_any_tool_fits_leave_no_noise_and_are_refused(sign: float) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [1, 2])
 def test_three_poses_at_any_mounting_are_refused_or_right_and_their_sign_is_not_confirmed(seed: int) -> None:
     """A base that is likely level leaves `auto` a noise, yet three directions of gravity lie in one plane."""
     rig, R, rng = example(seed, poses=3)
