@@ -31,7 +31,7 @@ BY_THEMSELVES = (
 )
 """They use the clock, or are too short for a pool; they come first, while numpy has all its threads."""
 
-IN_A_POOL = ("accuracy", "auto", "dirty", "inference", "diagnose", "dynamic")
+IN_A_POOL = ("accuracy", "auto", "dirty", "inference", "judgements", "diagnose", "dynamic")
 
 
 def _tables(name: str, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:

@@ -231,14 +231,14 @@ def any_mounting_and_base(seed: tuple[int, ...], n: int) -> list[Outcome]:
         R = random_rotations(12, rng)
         samples = cw.Samples(noisy_readings(rig, R, MOUNTING_NOISE, rng), R)
         try:
-            what = _judged(cw.calibrate(samples, "auto"), rig)
+            what = judged(cw.calibrate(samples, "auto"), rig)
         except cw.ContactWrenchError as refusal:
             what = f"refused: {' '.join(str(refusal).split()[:WORDS])}"
         outcomes.append(Outcome(lean, what))
     return outcomes
 
 
-def _judged(calibration: cw.Calibration, rig: Rig) -> str:
+def judged(calibration: cw.Calibration, rig: Rig) -> str:
     """Whether weight, mounting and gravity are the rig's, to 6 stated std; for directions 1 deg will do as well."""
     std, R = calibration.std, calibration.R_flange_sensor
     if calibration.weight is None or R is None:

@@ -238,7 +238,7 @@ def shift(hours: float, rate: float) -> Iterator[Row]:
             learned.append(pressed[rows[part[-1]]])
         seconds += time.perf_counter() - clock
     flag, error, inside = np.concatenate(flags), np.array(off), np.array(learned)
-    yield from _judged(contacts, flag, pressed, error, inside, reported, rate)
+    yield from judged(contacts, flag, pressed, error, inside, reported, rate)
     yield Row("time of a sample", 1e6 * seconds / n, "us", remark=f"{hours:g} h at {rate:g} Hz, batches of a second")
 
 
@@ -246,7 +246,7 @@ def _starts(contacts: list[Touch]) -> Array:
     return np.array([0.0, *(touch.start for touch in contacts)])
 
 
-def _judged(
+def judged(
     contacts: list[Touch],
     flag: Array,
     pressed: Array,

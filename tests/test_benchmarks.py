@@ -86,9 +86,9 @@ def test_mountings_are_recovered_and_a_wrong_one_would_be_seen() -> None:
     rig = auto.Cell(10.0, "24 random", auto.TRUTHS[0], noise_given=True).rig(np.random.default_rng(4))
     R = POSE_SETS["24 random"]
     calibration = cw.calibrate(cw.Samples(readings(rig, R) + 1e-3 * np.sin(np.arange(144.0)).reshape(24, 6), R))
-    assert auto._judged(calibration, rig) == auto.RECOVERED
+    assert auto.judged(calibration, rig) == auto.RECOVERED
     elsewhere = auto.Cell(11.0, "24 random", auto.TRUTHS[1], noise_given=True).rig(np.random.default_rng(4))
-    assert auto._judged(calibration, elsewhere) == "wrong weight and mounting"
+    assert auto.judged(calibration, elsewhere) == "wrong weight and mounting"
 
 
 def test_far_contacts_are_not_felt() -> None:
@@ -139,7 +139,7 @@ def test_a_shift_judges_what_is_missed_and_what_is_none() -> None:
     error, inside = np.full(9, 0.01), np.zeros(9, dtype=int)
     error[6], inside[6] = 0.9, 2
     reported = [Contact(at, at + 1.0, np.zeros(6), np.zeros(6), np.eye(6), onset_seen=True) for at in (1.0, 7.5)]
-    rows = {row.what: row for row in live._judged(contacts, flag, pressed, error, inside, reported, 1000.0)}
+    rows = {row.what: row for row in live.judged(contacts, flag, pressed, error, inside, reported, 1000.0)}
     assert rows["contacts held for 99 % of their time"].value == 50.0
     assert rows["seconds in contact with 0.5 N of it learned away"].value == 1
     assert rows["contacts that were none"].value == 1
@@ -167,4 +167,4 @@ def test_an_unknown_benchmark_is_refused_by_name() -> None:
     done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     alone = "speed, tables, plan, rig, measured, bags, clock_delay, stillness, live, live_devices, live_page"
-    assert f"found acuracy, expected {alone}, accuracy, auto, dirty, inference, diagnose" in done.stderr
+    assert f"found acuracy, expected {alone}, accuracy, auto, dirty, inference, judgements, diagnose" in done.stderr

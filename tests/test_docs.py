@@ -36,6 +36,13 @@ import contactwrench
 from contactwrench.cli.main import main
 from tests.support.brands import BRANDS, EXAMPLES
 from tests.support.recordings import program
+from tests.support.robot_pages import (
+    WRITTEN_BY_PROGRAM,
+    assert_the_columns,
+    assert_the_payload,
+    assert_the_push,
+    assert_the_tool,
+)
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -290,6 +297,25 @@ def test_blocks_run_and_show_their_output(page: Path, tmp_path: Path) -> None:
             runs = item.kind == "python" or item.source.startswith(COMMAND)
             if runs and item.output:
                 assert is_shown(item.output, item.actual), f"{page.name}:{item.line}: {item.source}\n{item.actual}"
+    if page.parent.name == "robots":
+        assert_identified(page, tmp_path, [item for _, items in done for item in items])
+
+
+def assert_identified(page: Path, folder: Path, done: list[Shown]) -> None:
+    """The tool and its payload, and while working the push."""
+    brand, rig = page.stem, EXAMPLES[page.stem]
+    if brand in WRITTEN_BY_PROGRAM:
+        assert_the_columns(folder / WRITTEN_BY_PROGRAM[brand], page.read_text(encoding="utf-8"))
+    for item in done:
+        if item.source.startswith(f"{COMMAND} export"):
+            assert_the_payload(item.source, item.actual, rig)
+    if (folder / "contact.csv").exists():
+        assert_the_push(folder / "contact.csv")
+    assert_the_tool(contactwrench.Calibration.load(folder / "tool.json"), rig)
+
+
+def test_every_page_of_a_robot_has_its_recorder() -> None:
+    assert {page.stem for page in DOCS if page.parent.name == "robots"} == set(BRANDS)
 
 
 @pytest.mark.parametrize(

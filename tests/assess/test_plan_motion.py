@@ -57,9 +57,10 @@ def test_a_flange_moves_as_its_poses_differ(name: str) -> None:
     np.testing.assert_allclose(flange.motion.angular_acceleration[1], (omega[2] - omega[0]) / (2.0 * h), atol=1e-5)
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", ["ur5e", "iiwa7", "fr3"])
 @pytest.mark.usefixtures("quick")
-def test_every_arm_keeps_its_limits(name: str) -> None:
+def test_an_arm_keeps_its_limits(name: str) -> None:
+    """Of six joints and of seven, with stated accelerations and without."""
     plan = plan_motion(ARMS[name], n=3)
     arm, limits = plan.arm, plan.limits
     t = np.arange(0.0, plan.duration, 1e-3)
@@ -138,7 +139,7 @@ def test_the_bound_is_that_of_the_readings_and_far_below_a_random_motion(
     np.testing.assert_allclose(plan.std, np.sqrt(np.diag(np.linalg.inv(told))), rtol=1e-2)
     assert (plan.std_after_stops > plan.std).all()
     of_random = []
-    for seed in range(5):
+    for seed in range(2):
         motion = exciting(plan.motion.duration, rate, np.random.default_rng(seed))
         random = information(*known, (motion.joints, motion.velocity, motion.acceleration), rate)
         of_random.append((np.linalg.slogdet(told)[1] - np.linalg.slogdet(random)[1]) / 9.0)

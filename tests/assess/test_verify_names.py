@@ -61,9 +61,9 @@ def without_figures(text: str, size: Array = CONTACT) -> str:
 
 @pytest.mark.parametrize("n", [4, 6, 15])
 def test_a_pose_in_contact_is_named_and_the_others_are_said_to_agree(n: int) -> None:
-    results = [verified(seed, n, at(n, 2)) for seed in range(16)]
+    results = [verified(seed, n, at(n, 2)) for seed in range(6)]
     named = [text_of(result).startswith("pose 3 is off by ") for result in results]
-    assert np.mean(named) >= 0.93  # the others fail by chance, one in a hundred
+    assert all(named)
     assert without_figures(text_of(verified(1, 6, at(6, 2)))) == (
         "pose 3 is off by N and mN m: in contact, bumped, or in the wrong row; the other 5 agree with the "
         "calibration (probability P); take it anew"
@@ -76,7 +76,7 @@ def test_two_poses_of_six_are_named_with_their_times_and_rows_exchanged_too() ->
         "bumped, or in the wrong row; the other 4 agree with the calibration (probability P); take them anew"
     )
     rig, calibration = calibrated()
-    for seed in range(8):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         samples = noisy(rig, random_rotations(6, rng), rng)
         result = verify(calibration, cw.Samples(samples.wrench[[0, 4, 2, 3, 1, 5]], samples.R_base_flange))
@@ -87,7 +87,7 @@ def test_two_poses_of_six_are_named_with_their_times_and_rows_exchanged_too() ->
 
 def test_a_pose_is_named_beside_a_bias_that_moved() -> None:
     moved = np.array([0.3, 0.0, 0.3, 0.0, 0.01, 0.0])
-    for seed in range(8):
+    for seed in range(3):
         text = text_of(verified(seed, 8, at(8, 2) + moved))
         assert text.startswith("pose 3 is off by ")
         assert "; the other 7 agree with the calibration with a bias that moved by 0." in text
@@ -96,7 +96,7 @@ def test_a_pose_is_named_beside_a_bias_that_moved() -> None:
 
 def test_a_zero_that_was_set_anew_on_the_way_is_found_there() -> None:
     change = np.array([4.0, -3.0, 12.0, 0.3, 0.1, -0.2])
-    for seed in range(8):
+    for seed in range(3):
         result = verified(seed, 8, np.where(np.arange(8)[:, None] < 3, 0.0, change))
         assert [finding.kind for finding in result.findings] == [Kind.BIAS_STEPPED]
         assert " between pose 3 and pose 4, by a new zero or a drift; but for that all agree" in text_of(result)
@@ -109,7 +109,7 @@ def test_a_zero_that_was_set_anew_on_the_way_is_found_there() -> None:
 def test_too_many_poses_off_another_tool_and_a_worse_sensor_name_no_pose() -> None:
     rig, calibration = calibrated()
     said = []
-    for seed in range(16):
+    for seed in range(5):
         rng = np.random.default_rng(seed)
         R = random_rotations(6, rng)
         others = (
@@ -121,18 +121,18 @@ def test_too_many_poses_off_another_tool_and_a_worse_sensor_name_no_pose() -> No
         results = [verify(calibration, samples) for samples in others]
         assert not any(result.passed for result in results)
         said += [finding.kind in (Kind.POSE_OFF, Kind.BIAS_STEPPED) for each in results for finding in each.findings]
-    assert np.mean(said) < 0.03
+    assert not any(said)
 
 
 def test_of_poses_that_agree_hardly_one_in_a_hundred_recordings_has_a_name() -> None:
-    results = [verified(seed, 6) for seed in range(100)]
+    results = [verified(seed, 6) for seed in range(40)]
     assert np.mean([result.passed for result in results]) >= 0.97
     assert np.mean([bool(result.findings) for result in results]) <= 0.03
 
 
 def test_a_table_rounded_by_hand_passes_and_a_contact_in_it_is_named() -> None:
-    assert np.mean([verified(seed, 6, digits=1).passed for seed in range(50)]) >= 0.95
-    named = [text_of(verified(seed, 6, at(6, 2), digits=1)).startswith("pose 3 is off by ") for seed in range(16)]
-    assert np.mean(named) >= 0.9
+    assert np.mean([verified(seed, 6, digits=1).passed for seed in range(20)]) >= 0.95
+    named = [text_of(verified(seed, 6, at(6, 2), digits=1)).startswith("pose 3 is off by ") for seed in range(6)]
+    assert all(named)
     heavier = 0.6 * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-    assert not any(verified(seed, 6, heavier, digits=1).passed for seed in range(8))
+    assert not any(verified(seed, 6, heavier, digits=1).passed for seed in range(3))

@@ -171,18 +171,17 @@ def _turned(R: Array, degrees: float, axis: tuple[float, float, float] = (1.0, 0
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["mount", "mount+base", "yaw", "affine"])
 def test_nothing_changed(model: str) -> None:
-    for seed in range(3):
-        change = _measured(FLAT, seed, model)
-        assert not [group for group in change.groups if group.significant]
-        (sentence,) = change.meaning
-        assert sentence.startswith("nothing changed beyond the errors of both: chi-square ")
+    change = _measured(FLAT, 0, model)
+    assert not [group for group in change.groups if group.significant]
+    (sentence,) = change.meaning
+    assert sentence.startswith("nothing changed beyond the errors of both: chi-square ")
 
 
 @pytest.mark.slow
 def test_false_alarms_of_any_group_are_rare() -> None:
-    pairs = pairwise(_calibrated(RIG, seed) for seed in range(40))
+    pairs = pairwise(_calibrated(RIG, seed) for seed in range(16))
     alarms = sum(any(group.significant for group in before.diff(after).groups) for before, after in pairs)
-    assert alarms <= 1  # 1 % and less than two standard deviations
+    assert alarms == 0
 
 
 @pytest.mark.slow
@@ -288,7 +287,7 @@ def test_what_changed_and_nothing_else(rig: Rig, model: str, changes: dict[str, 
 
 @pytest.mark.slow
 def test_a_tool_change_is_not_read_as_drift_nor_drift_as_a_tool() -> None:
-    for seed in range(3):
+    for seed in range(2):
         tool = {g.name for g in _measured(RIG, seed, weight=14.0).groups if g.significant}
         drift = {g.name for g in _measured(RIG, seed, bias=DRIFTED).groups if g.significant}
         assert tool == {"tool", "all"}

@@ -72,7 +72,7 @@ class _StartedError(Exception):
 def test_every_pair_starts_at_the_ports_that_are_asked_for(
     pair: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("contactwrench.cli.lab._run", Mock(side_effect=_StartedError))
+    monkeypatch.setattr("contactwrench.cli.lab.sleep", Mock(side_effect=_StartedError))
     first = 20_000 + 8 * os.getpid() % 12_000  # below the ports that the system gives
     with nothing_left(), pytest.raises(_StartedError):
         lab(*pair, port_base=first)

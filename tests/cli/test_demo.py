@@ -24,7 +24,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     folder, text, errors = tmp_path_factory.mktemp("demo") / "deep" / "folder", StringIO(), StringIO()
     with redirect_stdout(text), redirect_stderr(errors), pytest.MonkeyPatch.context() as patch:
         patch.setattr("contactwrench.report.figures.svg_text", lambda _: "<svg></svg>")  # drawn in tests/report
-        assert run_quietly(["demo", "--out", folder]) == 0
+        assert run_quietly(["demo", "--out", f"{folder}/"]) == 0  # a folder's name may end with a slash
     assert errors.getvalue() == ""
     assert str(folder) in text.getvalue().splitlines()[-1]
     assert all(len(line) <= 80 for line in text.getvalue().splitlines() if str(folder) not in line)

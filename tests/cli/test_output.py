@@ -114,7 +114,7 @@ def test_nothing_is_wider_than_eighty_columns_and_no_word_is_broken(
 def test_sentences_flow_to_the_width_of_the_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture, folder: Path, arguments: tuple[str, ...]
 ) -> None:
-    for columns in (60, 80, 120, 200):
+    for columns in (60, 200):
         sentences = [
             line
             for line in on_terminal(monkeypatch, capsys, folder, columns, *arguments)

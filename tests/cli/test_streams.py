@@ -139,7 +139,7 @@ def test_names_from_files_do_not_control_the_terminal(
 
 
 @settings(max_examples=30)
-@given(st.text())
+@given(st.text(st.sampled_from([*CONTROLS, *"aä€\\\U0001f600 "])))
 def test_visible_text_is_one_line_of_what_is_seen(text: str) -> None:
     assert not {*CONTROLS} & {*visible(text)}
     assert visible("".join(c for c in text if visible(c) == c)) == "".join(c for c in text if visible(c) == c)

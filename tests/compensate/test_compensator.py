@@ -53,7 +53,7 @@ def _same(one: ContactWrenches, other: ContactWrenches) -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=4)
+@settings(deadline=None, max_examples=2)
 @given(seed=seeds)
 def test_a_contact_comes_back_whatever_the_tool_and_its_mounting(seed: int) -> None:
     calibration, rig, rng = calibrated(seed, exact=True)
@@ -104,7 +104,7 @@ def _eventful(seed: int, n: int = 700) -> tuple[cw.Calibration, Array, Array, Ar
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=4)
+@settings(deadline=None, max_examples=2)
 @given(seed=seeds, cuts=st.lists(st.integers(0, 700), max_size=4), given_rate=st.booleans())
 def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bool) -> None:
     calibration, wrench, quat_xyzw, t, heat = _eventful(seed)
@@ -377,7 +377,7 @@ def test_one_number_stands_for_forces_and_for_torques_at_a_lever_of_5_cm() -> No
 def test_std_is_honest_after_turns(drift: Array | None) -> None:
     """Mean readings of random tools, with a Compensator that has seen other orientations before, in stated stds."""
     z = []
-    for seed in range(10):
+    for seed in range(6):
         calibration, rig, rng = calibrated(seed)
         compensator = _compensator(calibration, drift=drift)
         for k in range(4):
@@ -387,7 +387,7 @@ def test_std_is_honest_after_turns(drift: Array | None) -> None:
             systematic = batch.std[0] ** 2 - NOISE**2
             z.append(first / np.sqrt(systematic + NOISE**2 / 50.0))
     rms = np.sqrt(np.mean(np.square(z)))
-    assert 0.8 < rms < 1.15
+    assert 0.75 < rms < 1.2
     assert np.mean(np.abs(z) > 1.96) < 0.08
 
 

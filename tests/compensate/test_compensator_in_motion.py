@@ -188,13 +188,14 @@ def test_a_delay_that_is_not_quite_known_counts_beside_the_inertia() -> None:
 
 def test_what_a_turn_that_is_carried_on_misses_counts_beside_the_inertia() -> None:
     """Poses 40 ms late, by which the terms of the motion are older too: that counts by itself, and is left out here."""
-    s, late = recorded(free()), 0.04
-    runs = []
-    for compensator in (running(delay=-late), running(delay=0.0)):
-        for row in compensator._runner.state.D:
-            row[:] = np.zeros(len(row))
-        runs.append(compensator.run(s.wrench, s.R_base_flange, s.t, position=s.position))
-    found, then = runs
+    s, late, known = recorded(free()), 0.04, of_exact_poses()
+    unfelt = dataclasses.replace(known, dynamics=dataclasses.replace(known.dynamics, matrix=np.zeros((6, 12))))
+    found, then = (
+        cw.Compensator(unfelt, rate=RATE, lowpass=20.0, fast=True, delay=delay).run(
+            s.wrench, s.R_base_flange, s.t, position=s.position
+        )
+        for delay in (-late, 0.0)
+    )
     missed = 0.5 * late * 2.0 * late * np.gradient(np.gradient(down_of(s), 1.0 / RATE, axis=0), 1.0 / RATE, axis=0)
     grown = np.sum(found.std[500:, :3] ** 2 - then.std[500:, :3] ** 2, axis=1)
     expected = of_exact_poses().weight * np.linalg.norm(missed[500:], axis=1)

@@ -48,8 +48,7 @@ def _repeated() -> tuple[cw.Samples, list[cw.Calibration]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("frame", ["sensor", "flange", "base"])
-@pytest.mark.parametrize("point", [None, TCP])
+@pytest.mark.parametrize(("frame", "point"), [("sensor", None), ("flange", TCP), ("base", TCP)])
 def test_std_is_carried_along(frame: str, point: Array | None) -> None:
     """Against the scatter of the result over repeated calibrations."""
     samples, calibrations = _repeated()

@@ -71,17 +71,18 @@ def judged(calibration: cw.Calibration, wrench: Array, R: Array) -> tuple[int, f
     return len(batch.contacts) + int(last is not None and last.release is None), float(np.nanmedian(force))
 
 
-@pytest.mark.parametrize("error", [{"turned": 0.1}, {"pulled": 0.05}, {"turned": 0.1, "pulled": 0.04}])
-@pytest.mark.parametrize("rows", [1, 1000])
+@pytest.mark.parametrize(
+    ("error", "rows"), [({"turned": 0.1}, 1), ({"pulled": 0.05}, 1000), ({"turned": 0.1, "pulled": 0.04}, 1000)]
+)
 def test_what_the_table_shows_is_no_contact(error: dict[str, float], rows: int) -> None:
-    found = [judged(*recorded(seed, rows, **error))[0] for seed in range(40, 45)]
+    found = [judged(*recorded(seed, rows, **error))[0] for seed in range(40, 43)]
     assert sum(contacts > 0 for contacts in found) == 0, found
 
 
 @pytest.mark.parametrize("rows", [1, 1000])
 def test_a_clean_table_costs_no_sensitivity(rows: int) -> None:
     """Six std of a sample behind the low-pass, and what 12 poses tell of the rest."""
-    forces = [judged(*recorded(seed, rows))[1] for seed in range(40, 46)]
+    forces = [judged(*recorded(seed, rows))[1] for seed in range(40, 43)]
     assert np.median(forces) < 4.5 * ROW[0]
 
 

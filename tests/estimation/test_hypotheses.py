@@ -68,10 +68,10 @@ def _errors_in_std(mount_deg: float, base_deg: float, poses: Array, runs: int, s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mount_deg", "base_deg"), [(0.0, 0.0), (0.3, 0.2), (1.4, 0.7), (7.0, 0.0)])
+@pytest.mark.parametrize(("mount_deg", "base_deg"), [(0.0, 0.0), (1.4, 0.7), (7.0, 0.0)])
 def test_no_tilt_makes_the_std_of_the_mean_too_small(mount_deg: float, base_deg: float) -> None:
     """Six spread poses, exactly nominal to far beyond: errors of 1.3 std RMS at most (Student's t of few dof: 1.2)."""
-    in_std, in_interval = _errors_in_std(mount_deg, base_deg, SPREAD, 8, 77)
+    in_std, in_interval = _errors_in_std(mount_deg, base_deg, SPREAD, 4, 77)
     assert float(np.sqrt(np.mean(in_std**2))) < 1.3
     assert float(np.mean(np.abs(in_interval) < 1.0)) > 0.9
 
@@ -82,12 +82,12 @@ def test_an_exactly_nominal_cell_profits_from_it() -> None:
     rng = np.random.default_rng(8)
     unseen = random_rotations(40, rng)
     squares = {"auto": 0.0, "yaw": 0.0, "mount+base": 0.0}
-    for _ in range(8):
+    for _ in range(4):
         rig, _, _ = example(int(rng.integers(10_000)))
         rig = replace(rig, weight=6.0, R_flange_sensor=Rotation.from_euler("z", rng.uniform(-3.0, 3.0)).as_matrix())
         samples = cw.Samples(noisy_readings(rig, SPREAD, NOISE, rng), SPREAD)
         for model in squares:
             off = (cw.calibrate(samples, model).predict(unseen) - readings(rig, unseen))[:, :3]
-            squares[model] += float(np.mean(off**2)) / 8.0
+            squares[model] += float(np.mean(off**2)) / 4.0
     assert squares["auto"] < 1.25**2 * squares["yaw"]
     assert squares["auto"] < squares["mount+base"]

@@ -169,10 +169,9 @@ def test_a_calibration_with_an_odd_prior_is_as_odd() -> None:
     assert of_the_base(plain, prior=cw.calibrate(plain)) == []
 
 
-@pytest.mark.parametrize("side", [0.0, 110.0, 250.0])
-def test_a_steady_pull_is_no_base_that_leans(side: float) -> None:
+def test_a_steady_pull_is_no_base_that_leans() -> None:
     """It weighs the tool wrongly, and nothing is left in the poses; a model that holds gravity finds no such pull."""
-    pull = Rotation.from_euler("z", side, degrees=True).apply([2.5, 0.0, 4.0])
+    pull = Rotation.from_euler("z", 110.0, degrees=True).apply([2.5, 0.0, 4.0])
     samples = leaning(0.0, pull=pull)
     assert cw.calibrate(samples).weight == pytest.approx(G - 4.0, abs=1.0)
     assert len(of_the_base(samples)) == 1

@@ -52,7 +52,7 @@ def _for_model(rig: Rig, model: str, rng: np.random.Generator) -> Rig:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=13)
+@settings(deadline=None, max_examples=6)
 @given(seed=seeds, model=st.sampled_from(RIGID), poses=st.integers(8, 30))
 def test_noise_free_readings_return_the_tool_at_any_mounting(seed: int, model: str, poses: int) -> None:
     rig, R, rng = example(seed, poses)
@@ -61,8 +61,9 @@ def test_noise_free_readings_return_the_tool_at_any_mounting(seed: int, model: s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("degrees", [0.0, 90.0, 179.0, 180.0, -90.0])
-@pytest.mark.parametrize("axis", ["x", "y", "z"])
+@pytest.mark.parametrize(
+    ("axis", "degrees"), [("x", 0.0), ("x", 180.0), ("y", 90.0), ("y", 180.0), ("z", 179.0), ("z", -90.0)]
+)
 def test_special_mountings_are_no_harder(axis: str, degrees: float) -> None:
     rig, R, _ = example(11)
     rig = replace(rig, R_flange_sensor=Rotation.from_euler(axis, degrees, degrees=True).as_matrix())
@@ -70,7 +71,7 @@ def test_special_mountings_are_no_harder(axis: str, degrees: float) -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=13)
+@settings(deadline=None, max_examples=6)
 @given(seed=seeds, given_noise=st.booleans())
 def test_no_random_mounting_is_missed(seed: int, given_noise: bool) -> None:
     rig, R, rng = example(seed, poses=12)
@@ -82,10 +83,10 @@ def test_no_random_mounting_is_missed(seed: int, given_noise: bool) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", RIGID)
-def test_errors_have_the_size_of_the_bound_and_of_the_stated_covariance(model: str) -> None:
+def test_errors_have_the_size_of_the_bound_and_of_the_stated_covariance() -> None:
+    """Of one model: the covariance of each is below, and each is held against the bound in benchmarks/accuracy.py."""
+    model = "mount"
     rig, R, rng = example(21, poses=6)
-    rig = _for_model(rig, model, rng)
     fits = [cw.calibrate(samples, model, noise=NOISE) for samples in samples_of_a_design(rig, R, 38, rng)]
     errors = np.array([np.r_[fit.weight, fit.com, fit.bias] for fit in fits]) - np.r_[rig.weight, rig.com, rig.bias]
     bound = np.sqrt(np.diag(cramer_rao(rig, model, R, NOISE)))[:10]
@@ -198,8 +199,7 @@ def test_weight_com_and_mounting_are_those_of_an_unbiased_sensor() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", RIGID)
-@pytest.mark.parametrize("given_noise", [True, False])
+@pytest.mark.parametrize(("model", "given_noise"), [("yaw", False), ("mount", True), ("mount+base", False)])
 def test_held_out_error_is_that_of_an_actual_refit(model: str, given_noise: bool) -> None:
     rig, R, rng = example(46, poses=10)
     rig = _for_model(rig, model, rng)
@@ -240,7 +240,7 @@ def test_four_poses_and_an_unknown_base_have_a_global_start() -> None:
     """With so few poses the misfit has local optima that score well: none may be returned."""
     rng = np.random.default_rng(3)
     noise = np.array([0.02, 0.02, 0.02, 0.0008, 0.0008, 0.0008])
-    for _ in range(6):
+    for _ in range(3):
         rig = with_down(random_rig(rng), tilted_down(rng.uniform(0.0, 0.5), rng))
         R = random_rotations(4, rng)
         samples = cw.Samples(noisy_readings(rig, R, noise, rng), R)
@@ -250,6 +250,6 @@ def test_four_poses_and_an_unknown_base_have_a_global_start() -> None:
 @pytest.mark.parametrize("model", ["mount", "auto"])
 def test_readings_without_any_noise_are_good(model: str) -> None:
     """What rounding leaves, 1e-15 N, went with the orientation as cross-talk would: five of six tools were doubtful."""
-    for seed in range(3, 9):
+    for seed in (3, 4):
         rig, R, _ = example(seed, poses=12)
         assert cw.calibrate(noise_free(rig, R), model).findings == ()

@@ -36,7 +36,7 @@ def calibration(seed: int = 0, sign: str = "pull") -> cw.Calibration:
     return exact_calibration(random_rig(np.random.default_rng(seed)), sign)
 
 
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(seed=seeds)
 def test_the_largest_error_is_the_largest(seed: int) -> None:
     """Against many orientations, and a search from the best of them, by the definition of the free wrench."""

@@ -51,18 +51,17 @@ def _off(calibration: cw.Calibration, rig: Rig) -> float:
 
 
 @pytest.mark.parametrize(
-    ("of_row", "bad"),
+    ("of_row", "bad", "size", "model"),
     [
-        (np.r_[0:POSES, 3], [3]),
-        (np.r_[0:POSES, 3, 5], [3]),
-        (ROUNDS, [5]),
-        (ROUNDS, [17]),
-        (np.repeat(np.arange(POSES), 3), [13]),
-        (np.repeat(np.arange(POSES), 10), [44]),
-        (np.repeat(np.arange(POSES), 10), list(range(40, 44))),
+        (np.r_[0:POSES, 3], [3], 10.0, "mount"),
+        (np.r_[0:POSES, 3, 5], [3], 0.25, "auto"),
+        (ROUNDS, [5], 0.25, "auto"),
+        (ROUNDS, [17], 10.0, "mount"),
+        (np.repeat(np.arange(POSES), 3), [13], 10.0, "mount"),
+        (np.repeat(np.arange(POSES), 10), [44], 0.25, "mount"),
+        (np.repeat(np.arange(POSES), 10), list(range(40, 44)), 10.0, "mount"),
     ],
 )
-@pytest.mark.parametrize(("size", "model"), [(0.25, "auto"), (10.0, "mount")])
 def test_a_row_in_contact_costs_no_more_than_its_pose(
     of_row: NDArray[np.intp], bad: list[int], size: float, model: str
 ) -> None:
@@ -106,19 +105,24 @@ def test_only_the_first_are_named() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "of_row", [np.r_[0:POSES, 3], ROUNDS, np.repeat(np.arange(POSES), 3), np.repeat(np.arange(POSES), 10)]
+    ("of_row", "fz_tz"),
+    [
+        (np.r_[0:POSES, 3], 1.0),
+        (ROUNDS, 4.0),
+        (np.repeat(np.arange(POSES), 3), 4.0),
+        (np.repeat(np.arange(POSES), 10), 1.0),
+    ],
 )
-@pytest.mark.parametrize("noise", [NOISE, NOISE * np.array([1.0, 1.0, 4.0, 1.0, 1.0, 4.0])])
-def test_rows_that_agree_stay_together(of_row: NDArray[np.intp], noise: Array) -> None:
-    for seed in range(3):
-        calibration = cw.calibrate(_table(seed, of_row, noise)[1], "mount")
+def test_rows_that_agree_stay_together(of_row: NDArray[np.intp], fz_tz: float) -> None:
+    for seed in range(2):
+        calibration = cw.calibrate(_table(seed, of_row, NOISE * [1.0, 1.0, fz_tz, 1.0, 1.0, fz_tz])[1], "mount")
         assert not _apart(calibration)
         assert len(calibration.poses) == POSES
 
 
 @pytest.mark.slow
 def test_coarse_digits_and_an_arm_that_shakes_at_one_pose_part_nothing() -> None:
-    for seed in range(4):
+    for seed in range(2):
         _, samples = _table(seed, np.repeat(np.arange(POSES), 10))
         coarse = replace(samples, wrench=np.round(samples.wrench / (4.0 * NOISE)) * (4.0 * NOISE))
         shaking = np.random.default_rng(seed).normal(size=(10, 6)) * 2.0 * NOISE
@@ -168,7 +172,7 @@ def test_a_new_zero_at_the_end_is_no_accident_of_every_orientation(model: str) -
 
 
 def test_a_heavy_tool_turned_by_less_than_counts_reads_otherwise_and_is_not_called_apart() -> None:
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         rig, R = replace(random_rig(rng), weight=100.0), random_rotations(20, rng)
         nearly = R[[3, 7]] @ Rotation.from_rotvec([0.17, 0.0, 0.0], degrees=True).as_matrix()

@@ -32,8 +32,8 @@ def handed_on(t: Array, each: float, rng: np.random.Generator, late: float = 0.0
     return np.asarray((burst + 1.0) * each + delayed + (np.arange(len(t)) - first) * within)
 
 
-@pytest.mark.parametrize("rate", [125.0, 500.0, 1000.0, 7000.0])
-@pytest.mark.parametrize("each", [0.0413, 0.2, 0.5, 0.9])
+@pytest.mark.parametrize("rate", [125.0, 1000.0, 7000.0])
+@pytest.mark.parametrize("each", [0.0413, 0.5])
 def test_they_are_as_they_were_taken(rate: float, each: float) -> None:
     rng = np.random.default_rng(3)
     t = np.arange(int(12.0 * rate)) / rate
@@ -112,7 +112,7 @@ def test_rows_that_come_evenly_later_stay() -> None:
     assert max(len(part.rows) for part in many[14:]) < 150
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(st.lists(st.integers(0, 900), max_size=6), st.booleans(), st.integers(0, 99))
 def test_in_batches_as_in_one(cuts: list[int], of_poses: bool, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -149,11 +149,9 @@ def calibrated_as_it_came(folder: Path, each: float | None) -> cw.Calibration:
     return cw.calibrate(cw.read(path, pose_file=pose_file), "mount")
 
 
-@pytest.mark.parametrize("each", [0.05, 0.5])
-def test_a_recording_is_calibrated_as_if_it_had_come_evenly(
-    tmp_path_factory: pytest.TempPathFactory, each: float
-) -> None:
+def test_a_recording_is_calibrated_as_if_it_had_come_evenly(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Two files; the buffer adds the time in which it is emptied, and half of what it is late, to the delay."""
+    each = 0.5
     even = calibrated_as_it_came(tmp_path_factory.getbasetemp(), None)
     bursts = calibrated_as_it_came(tmp_path_factory.getbasetemp(), each)
     assert bursts.verdict == even.verdict

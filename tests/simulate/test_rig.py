@@ -22,7 +22,7 @@ from tests.support.pinocchio_arm import any_joints, any_settings, arm_of, forwar
 from tests.support.rigs import rotation_angle, seeds
 from tests.support.world import Array, random_rotations
 
-few = hypothesis_settings(max_examples=25, deadline=None)
+few = hypothesis_settings(max_examples=10, deadline=None)
 loads = st.sampled_from([0.0, 0.1, 0.5, 1.0, 5.0])
 ELBOW_OUT = np.array([0.4, 0.7, -0.3, -1.2, 0.5, 0.9, -0.6])
 

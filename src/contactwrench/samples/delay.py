@@ -141,7 +141,7 @@ def _means(readings: WrenchStream, width: float) -> WrenchStream:
     if len(t) < 2:
         return WrenchStream(t, wrench)
     spacing = max(float(np.median(np.diff(t))), 1e-9)
-    each = max(round(width / spacing), 1)
+    each = min(max(round(width / spacing), 1), len(t))  # of times most of which repeat, all: nothing is told
     n = len(t) // each
     cells = np.column_stack([t, wrench])[: n * each].reshape(n, each, 7)
     share = (np.arange(each) + 0.5) / each**2
