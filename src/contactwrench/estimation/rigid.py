@@ -51,6 +51,9 @@ WIDE = 0.1
 FEWEST_FOR_STEP, MOST_OF_IT = 8, 0.75
 """Poses, and the share of what is left, from which on a start counts a step of the bias."""
 
+SAME_PLACE = 0.2
+"""Of the force: another sign differs by 2, another mounting by 1 or so."""
+
 EVEN = 1.5
 """Ratio of the poses' own variances up to which they count alike."""
 
@@ -117,10 +120,18 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
     more than a light tool weighs, it leads to another sign, or mounting, from where no step leads back.
     """
     steady = _tables_from(problem, plain, begin, np.zeros(len(problem.wrench), dtype=bool))
-    before = _before_a_step(problem)
+    before, search = _before_a_step(problem), SEARCH_OF_MODEL[model_fitted(problem.question.model)]
     if begin is not None or problem.question.earlier is not None or not before.any():
         return steady
+    if _is_alike(steady[0].tool, _start(problem, search, before)):
+        return steady
     return max(steady, _tables_from(problem, plain, None, before), key=lambda tables: tables[0].log_evidence)
+
+
+def _is_alike(tool: RigidTool, other: RigidTool) -> bool:
+    """Whether forces under the two are so near that both lead to one optimum."""
+    force, apart = response(tool)[:3], response(other)[:3] - response(tool)[:3]
+    return bool(np.linalg.norm(apart) < SAME_PLACE * np.linalg.norm(force))
 
 
 def _tables_from(problem: Problem, plain: bool, begin: RigidTool | None, before: NDArray[np.bool_]) -> list[Table]:
