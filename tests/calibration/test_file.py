@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
+from contactwrench.calibration.alternative import Alternative, Alternatives
 from contactwrench.calibration.consistency import FOLLOWS, Derived
 from contactwrench.calibration.dynamics import Dynamics
 from contactwrench.calibration.file import ADDED, SCHEMA, to_json
-from contactwrench.calibration.findings import Alternative, Alternatives
 from contactwrench.calibration.observability import Observability
 from contactwrench.errors import FileAccessError, FileFormatError
 from contactwrench.samples.accelerometer import Accelerometer

@@ -20,7 +20,7 @@ from contactwrench.assess.diagnose import diagnose
 from contactwrench.assess.plan import expected_tool, plan
 from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import weigh
-from contactwrench.calibration.findings import Alternatives
+from contactwrench.calibration.alternative import Alternatives
 from contactwrench.compensate.contact_wrenches import contact_wrenches
 from contactwrench.geometry.arrays import ReadOnlyDict, Sealed
 from contactwrench.recording.interpretations import interpretations

@@ -16,8 +16,8 @@ import contactwrench as cw
 from contactwrench.calibration.findings import Kind
 from contactwrench.errors import InputError
 from contactwrench.estimation.findings_of_recording import with_creep
+from contactwrench.samples.creep import Creep, Stop, creep_of
 from contactwrench.samples.recorded_poses import recorded_poses
-from contactwrench.samples.still_noise import Creep, Stop, creep_of
 
 Array = NDArray[np.float64]
 WEIGHT, RATE = 9.0, 50.0

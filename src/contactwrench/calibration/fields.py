@@ -32,8 +32,9 @@ from ..samples.flange_motion import FlangeMotion
 from ..samples.poses import Pose, PoseMoments
 from ..samples.still_noise import StillNoise
 from ..statistics import square_root
+from .alternative import Alternative
 from .dynamics import Dynamics, Ellipsoid, covariance_in_motion, equal_ellipsoid
-from .findings import DOUBT_OF_KIND, Alternative, Doubt, Finding, Severity, WithFindings
+from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity, WithFindings
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096

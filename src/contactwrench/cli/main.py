@@ -18,18 +18,24 @@ from typer.core import TyperCommand, TyperGroup
 
 from ..errors import BEFORE, ContactWrenchError, InputError, shortened, visible
 from ..version import __version__
-from .answers import devices, diagnose, diff, info, show, verify, weigh
 from .calibrate import calibrate
 from .compensate import compensate
 from .demo import demo
+from .devices import devices
+from .diagnose import diagnose
+from .diff import diff
 from .export import export
+from .info import info
 from .lab import lab
 from .live import live
 from .options import MOST_COLUMNS
 from .outputs import guarded
 from .plan import plan
+from .show import show
 from .simulate import simulate
 from .streams import open_streams
+from .verify import verify
+from .weigh import weigh
 
 ARGUMENTS, OWN = "Arguments", "Options"
 

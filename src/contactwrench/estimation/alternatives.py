@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..calibration.findings import Alternative, Alternatives
+from ..calibration.alternative import Alternative, Alternatives
 from ..errors import UnobservableError
 from .affine import fit_affine
 from .estimate import Estimate, RigidEstimate

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..calibration.alternative import Alternative
 from ..calibration.calibration import Calibration
 from ..calibration.difference import origin_of_tool
-from ..calibration.findings import Alternative, Finding
+from ..calibration.findings import Finding
 from ..calibration.observability import describe
 from ..errors import AmbiguityError, UnobservableError, naming, refuse, with_room_for
 from ..geometry.ranges import TILT_STD, G

@@ -14,11 +14,11 @@ from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..geometry.ranges import likely_unit
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
+from ..samples.creep import Creep
 from ..samples.delay import TWO_CLOCKS, is_significant
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.recorded_poses import RecordedPoses
 from ..samples.samples import Samples, spikes
-from ..samples.still_noise import Creep
 from ..statistics import force_and_torque, two_digits
 from .estimate import Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, SIGNIFICANCE, WARNING, WEAK, those_that_hold

@@ -14,8 +14,8 @@ from ..calibration.calibration import Calibration
 from ..geometry.arrays import Array, Frozen
 from ..geometry.orientation import from_quat_xyzw
 from ..geometry.quaternions import angle_between
+from ..samples.creep import change_within
 from ..samples.samples import Samples
-from ..samples.still_noise import change_within
 from ..statistics import two_digits
 from .history import History, Stand
 from .source import Four

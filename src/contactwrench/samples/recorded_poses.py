@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import angles_between, rotation_log
+from .creep import MOST_STOPS, Creep, Stop, creep_of
 from .poses import SAME_POSE_ANGLE, Pose, averaged, cells_of, label_orientations, mean_poses, nearly_equal, visits
 from .samples import SLOWEST, Samples
 from .slow_motion import poses_on_the_way
-from .still_noise import MOST_STOPS, Creep, StillNoise, Stop, creep_of, still_noise_of
+from .still_noise import StillNoise, still_noise_of
 from .still_segments import StillSegment, StillSegments, still_segments
 from .timestamps import counted_on
 

@@ -1,0 +1,22 @@
+"""`contactwrench show`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options
+
+
+def show(
+    file: Annotated[Path, typer.Argument(metavar="CAL.json", help="Calibration that `calibrate` wrote.")],
+    json: options.Json = False,
+) -> None:
+    """Print a calibration: every parameter with its standard deviation, the verdict, the warnings."""
+    from ..calibration.calibration import Calibration
+    from ..calibration.file import to_json
+    from ..calibration.text import COLUMNS, describe
+
+    options.print_result(Calibration.load(file), json, to_json, describe, elsewhere=COLUMNS)

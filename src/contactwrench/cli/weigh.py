@@ -1,0 +1,28 @@
+"""`contactwrench weigh`."""
+
+from __future__ import annotations
+
+from . import options
+from .recordings import Recordings, calibration_and_samples, with_reading_options
+
+
+@with_reading_options
+def weigh(
+    *,
+    calibration: options.CalibrationFile,
+    json: options.Json = False,
+    recording: Recordings,
+    gravity: options.Gravity = None,
+    g: options.WeighingGravity = None,
+) -> int:
+    """Mass and centre of mass of an object that the tool holds, from one or more poses.
+
+    Exit status 1 where nothing that an arm holds explains the readings: the calibration is wrong.
+    """
+    from ..assess.weigh import weigh as weighed
+    from ..report.text import held_object_json, held_object_text
+
+    loaded, samples = calibration_and_samples(calibration, gravity, recording)
+    held = weighed(loaded, samples, g=g)
+    options.print_result(held, json, held_object_json, held_object_text)
+    return int(held.refused)
