@@ -19,7 +19,7 @@ COURSES = [Course(kind, 0.3) for kind in inference.KINDS]
 @pytest.mark.parametrize("course", COURSES, ids=lambda course: course.kind)
 def test_a_course_ends_at_the_last_bias_and_has_the_covariance_that_is_told(course: Course) -> None:
     rng, t = np.random.default_rng(1), times(12)
-    changes, told_of = zip(*(course.drawn(t, rng) for _ in range(1000)), strict=True)
+    changes, told_of = zip(*(course.drawn(t, rng) for _ in range(3000)), strict=True)
     assert all(not change[-1].any() for change in changes)
     drawn = np.einsum("knc,kmc->cnm", changes, changes) / len(changes)
     assert drawn == pytest.approx(np.mean(told_of, axis=0), abs=0.15 * 0.3**2 / 3.0)
@@ -60,12 +60,12 @@ def test_a_cable_pulls_alike_at_orientations_that_lie_close() -> None:
     rng = np.random.default_rng(5)
     R = random_rotations(200, rng)
     rig = usual_rig(rng)
-    drawn = [Realistic(cable=0.3).drawn(rig, rng).cable(R)[:, 0] for _ in range(150)]
+    drawn = [Realistic(cable=0.3).drawn(rig, rng).cable(R)[:, 0] for _ in range(300)]
     alike: Array = np.transpose(drawn) @ np.array(drawn) / (len(drawn) * 0.3**2)
     angle = np.arccos(np.clip((np.einsum("aij,bij->ab", R, R) - 1.0) / 2.0, -1.0, 1.0))
     assert np.std(drawn) == pytest.approx(0.3, rel=0.05)
-    assert alike[(angle > 0.4) & (angle < 0.6)].mean() == pytest.approx(np.exp(-0.5), abs=0.08)
-    assert abs(alike[angle > 2.0].mean()) < 0.03
+    assert alike[(angle > 0.4) & (angle < 0.6)].mean() == pytest.approx(np.exp(-0.5), abs=0.06)
+    assert abs(alike[angle > 2.0].mean()) < 0.02
 
 
 def test_errors_are_as_large_as_they_say() -> None:
@@ -88,7 +88,7 @@ def test_errors_are_as_large_as_they_say() -> None:
 def test_the_told_fit_is_as_good_as_it_can_be(kind: str) -> None:
     rng, R, t = np.random.default_rng(7), random_rotations(12, np.random.default_rng(8)), times(12)
     gained = []
-    for _ in range(6):
+    for _ in range(15):
         rig = usual_rig(rng)
         change, covariance = Course(kind, 0.3).drawn(t, rng)
         wrench = readings(rig, R) + NOISE * rng.normal(size=(12, 6)) + change
@@ -96,7 +96,7 @@ def test_the_told_fit_is_as_good_as_it_can_be(kind: str) -> None:
         gained.append(fit.squared / fit.expected)
         bound = bound_on_prediction(rig, "mount+base", R, NOISE, trials.UNSEEN)[0]
         assert kind != "steady" or 0.8 * bound**2 < fit.expected < 1.001 * bound**2
-    assert np.mean(gained) == pytest.approx(0.9, abs=0.55)  # as of 30 recordings within 0.25
+    assert np.mean(gained) == pytest.approx(0.9, abs=0.35)  # as of 30 recordings within 0.25
 
 
 def test_standard_errors_are_those_of_many_runs() -> None:
@@ -140,6 +140,6 @@ def test_a_refusal_is_counted() -> None:
             raise cw.ContactWrenchError("no")
         return {"squared": 1.0}
 
-    (found,) = trials.run(Here(), refuses, ["a cell"], 20, (1,))
-    assert len(found) + found.refused == 20
-    assert 4 < found.refused < 16
+    (found,) = trials.run(Here(), refuses, ["a cell"], 60, (1,))
+    assert len(found) + found.refused == 60
+    assert 10 < found.refused < 50

@@ -64,7 +64,7 @@ def test_before_anything_is_learned_the_covariance_is_the_calibrations(model: st
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=4)
+@settings(deadline=None, max_examples=10)
 @given(seed=seeds)
 def test_there_and_back_nothing_is_lost(seed: int) -> None:
     """What was learned at an orientation counts there again, if nothing was learned elsewhere."""
@@ -103,17 +103,17 @@ def _life(s: State, rng: np.random.Generator, H: list[Array], R: Array) -> tuple
 
 @pytest.mark.slow
 def test_the_covariance_is_that_of_the_errors() -> None:
-    """Normalised squared errors of 60 lives, at every step: 6 on average, and as chi-square has it in the tail."""
+    """Normalised squared errors of 150 lives, at every step: 6 on average, and as chi-square has it in the tail."""
     calibration, _, rng = _tracking(3)
     R = random_rotations(6, rng)[[0, 0, 1, 2, 1, 3, 4, 5]]
     H = [_root(calibration, each) for each in R]
-    lives = [_life(_begun(calibration), rng, H, R) for _ in range(60)]
+    lives = [_life(_begun(calibration), rng, H, R) for _ in range(150)]
     errors = np.array([life[0] for life in lives])
     for step in range(errors.shape[1]):
         S = lives[0][1][step]
         squared = np.einsum("ni,ij,nj->n", errors[:, step], np.linalg.inv(S), errors[:, step])
-        assert squared.mean() == pytest.approx(6.0, abs=5.0 * np.sqrt(12.0 / 60)), step
-        assert np.mean(squared > chi2.isf(0.05, 6)) < 0.17, step
+        assert squared.mean() == pytest.approx(6.0, abs=5.0 * np.sqrt(12.0 / 150)), step
+        assert np.mean(squared > chi2.isf(0.05, 6)) < 0.14, step
 
 
 @pytest.mark.slow
@@ -123,7 +123,7 @@ def test_what_was_learned_in_one_pose_is_not_known_in_another() -> None:
     here, there = random_rotations(2, rng)
     H_here, H_there = _root(calibration, here), _root(calibration, there)
     honest, learned_there = [], []
-    for _ in range(60):
+    for _ in range(200):
         eta = rng.normal(size=H_here.shape[1])
         s = _begun(calibration, np.zeros(6))
         for _ in range(10):
@@ -131,7 +131,7 @@ def test_what_was_learned_in_one_pose_is_not_known_in_another() -> None:
         left = H_there @ eta - s.offset
         honest.append(left @ np.linalg.solve(_predicted(s, there, 0.0), left))
         learned_there.append(left @ np.linalg.solve(_predicted(s, here, 0.0), left))
-    assert np.mean(honest) == pytest.approx(6.0, abs=5.0 * np.sqrt(12.0 / 60))
+    assert np.mean(honest) == pytest.approx(6.0, abs=5.0 * np.sqrt(12.0 / 200))
     assert np.mean(learned_there) > 30.0
 
 

@@ -150,14 +150,14 @@ def test_a_recording_tells_noise_that_is_not_white() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("settings", [{}, {"lowpass": 100.0}, {"drift": TYPICAL_DRIFT}])
 def test_false_alarms_are_as_many_as_stated(settings: dict[str, Any]) -> None:
-    """At 1 % a sample, 5 calibrations of 500 samples: 25 expected, clustered as calibrations err."""
+    """At 1 % a sample, 12 calibrations of 500 samples: 60 expected, clustered as calibrations err."""
     fired = 0
-    for seed in range(5):
+    for seed in range(12):
         calibration, rig, rng = calibrated(seed)
         R = swinging(rng, 600)
         batch = _usual(calibration, false_alarm_rate=0.01, **settings).run(free(rig, R, rng), R, times(600))
         fired += int(np.sum((batch.statistic > batch.threshold)[100:]))
-    assert 12 <= fired <= 50
+    assert 30 <= fired <= 120
 
 
 def _pushed(
@@ -171,7 +171,7 @@ def _pushed(
     return compensator.run(wrench, R, times(1500)), compensator.last_contact
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(5))
 def test_a_contact_of_1_newton_is_found_and_timed(seed: int) -> None:
     force = np.random.default_rng(seed).normal(size=3)
     push = np.r_[force / np.linalg.norm(force), 0.0, 0.0, 0.0]

@@ -34,18 +34,18 @@ def test_a_thousand_rows_a_pose_with_pose_errors_are_no_surer_than_one() -> None
 def test_errors_have_the_stated_size_on_repeated_rows() -> None:
     rig, R, rng = example(2, poses=14)
     z = []
-    for _ in range(6):
+    for _ in range(12):
         calibration = cw.calibrate(_repeated(rig, R, NOISE, 2.0 * NOISE, 8, rng), "mount")
         error = np.r_[calibration.weight, calibration.com, calibration.bias] - np.r_[rig.weight, rig.com, rig.bias]
         z.append(error / np.sqrt(np.diag(calibration.covariance)[:10]))
-    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.45)  # of 6 runs
+    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.35)  # of 12 runs: a quarter of 24
 
 
 @pytest.mark.slow
 def test_without_pose_errors_rows_average_out() -> None:
     """The variance of a mean is known to a quarter or so: of many recordings chi-square is one."""
     chi2: dict[int, list[float]] = {4: [], 400: []}
-    for seed in range(3):
+    for seed in range(6):
         rig, R, rng = example(seed)
         few, many = (cw.calibrate(_repeated(rig, R, 0.0 * NOISE, NOISE, n, rng), "mount") for n in chi2)
         assert few.std["weight"] / many.std["weight"] == pytest.approx(10.0, rel=0.4)
@@ -57,19 +57,19 @@ def test_without_pose_errors_rows_average_out() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("poses", "runs"), [(8, 12), (24, 6)])
+@pytest.mark.parametrize(("poses", "runs"), [(8, 20), (24, 12)])
 def test_estimated_noise_has_no_bias(poses: int, runs: int) -> None:
-    """Of a run and an axis its variance scatters by 60 %, with 24 poses by 30 %: of the mean by 17 % and 12 %."""
+    """Of a run and an axis its variance scatters by 60 %, with 24 poses by 30 %: of the mean by 13 % and 9 %."""
     rig, R, rng = example(4, poses)
     variances = [cw.calibrate(noisy(rig, R, rng), "mount").noise ** 2 for _ in range(runs)]
-    assert np.mean(variances, axis=0) / NOISE**2 == pytest.approx(np.ones(6), abs=0.45)
+    assert np.mean(variances, axis=0) / NOISE**2 == pytest.approx(np.ones(6), abs=0.35)
 
 
 @pytest.mark.slow
 def test_a_noisy_axis_does_not_hide_in_its_group() -> None:
     rig, R, rng = example(5)
     uneven = NOISE * np.array([1.0, 1.0, 20.0, 1.0, 1.0, 1.0])
-    found = np.mean([cw.calibrate(noisy(rig, R, rng, uneven), "mount").noise for _ in range(3)], axis=0)
+    found = np.mean([cw.calibrate(noisy(rig, R, rng, uneven), "mount").noise for _ in range(5)], axis=0)
     assert found[2] == pytest.approx(uneven[2], rel=0.25)
     assert found[:2] == pytest.approx(uneven[:2], rel=0.5)
 

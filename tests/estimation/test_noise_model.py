@@ -110,7 +110,7 @@ def test_the_volume_of_one_scale_is_that_of_a_scaled_inverse_chi_square() -> Non
 @pytest.mark.slow
 def test_seven_poses_share_one_noise_an_axis_and_24_with_one_of_nine_times_do_not() -> None:
     ratios, found = [], []
-    for seed in range(5):
+    for seed in range(12):
         rig, R, rng = example(seed, poses=7)
         noise = cw.calibrate(noisy(rig, R, rng), "mount").noise.reshape(2, 3)
         ratios.append(noise.max(axis=1) / noise.min(axis=1))
@@ -120,4 +120,4 @@ def test_seven_poses_share_one_noise_an_axis_and_24_with_one_of_nine_times_do_no
         found.append(calibration.noise / uneven)
     assert np.max(ratios) < 1.6
     assert np.median(ratios) < 1.2  # an axis alone counts where it is noisier, as chance makes a few of seven poses
-    assert np.exp(np.mean(np.log(found), axis=0)) == pytest.approx(np.ones(6), rel=0.2)
+    assert np.exp(np.mean(np.log(found), axis=0)) == pytest.approx(np.ones(6), rel=0.15)

@@ -68,8 +68,8 @@ def test_creep_by_the_logarithm_of_time_is_found_whatever_the_stops(per_e_fold: 
 
 @pytest.mark.parametrize("number", [4, 6, 14])
 def test_noise_is_no_creep_whatever_the_number_of_stops(number: int) -> None:
-    """One in a hundred; of 100, 5 and more have a chance of 0.3 %."""
-    assert sum(sure(stops(0.0, 0.05, seed, 1.0)[:number]) for seed in range(100)) < 5
+    """One in a hundred; of 300, 10 and more have a chance of 0.1 %."""
+    assert sum(sure(stops(0.0, 0.05, seed, 1.0)[:number]) for seed in range(300)) < 10
 
 
 @pytest.mark.parametrize(("share", "std", "not_excluded"), [(0.0, 0.0, 0.0), (0.02, 0.0, 0.02), (0.0, 9.0, 0.01)])
@@ -80,9 +80,9 @@ def test_what_is_not_excluded_is_what_the_stops_say_or_what_is_usual(
 
 
 def test_the_std_of_the_share_is_how_far_it_scatters() -> None:
-    found = [creep_of(stops(0.002, 0.05, seed)) for seed in range(60)]
+    found = [creep_of(stops(0.002, 0.05, seed)) for seed in range(200)]
     off = [(each.share / 0.002 - np.log(100.0) - 0.87) / (each.std / 0.002) for each in found if each is not None]
-    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1.0, abs=0.25)
+    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1.0, abs=0.15)
 
 
 def test_an_arm_that_settles_is_no_creep() -> None:
@@ -98,7 +98,7 @@ def test_an_arm_that_settles_is_no_creep() -> None:
 def test_a_touch_is_no_creep_and_hides_none(touched: int, per_e_fold: float) -> None:
     """Of 0.1 s in some of fourteen stops; by least squares one made the share 35 times as uncertain."""
     said = 0
-    for seed in range(15):
+    for seed in range(40):
         some, rng = stops(per_e_fold, 0.05, seed), np.random.default_rng(seed)
         alone, pushed = creep_of(some), list(some)
         for k in rng.choice(len(some), touched, replace=False):
@@ -111,7 +111,7 @@ def test_a_touch_is_no_creep_and_hides_none(touched: int, per_e_fold: float) -> 
         assert abs(found.share - alone.share) < 4.0 * alone.std
         assert found.std < 2.0 * alone.std
         said += found.sure
-    assert said == 15 if per_e_fold else said <= 1
+    assert said == 40 if per_e_fold else said <= 2
 
 
 def test_one_load_tells_nothing() -> None:
@@ -147,7 +147,7 @@ def recording(seed: int, share: float, tau: float, stop: float, cone: float = 18
     return cw.Samples(wrench, turn.as_matrix(), t, delay=0.0, delay_std=1e-4)
 
 
-@pytest.mark.parametrize(("share", "tau", "stop"), [(0.02, 5.0, 3.0), (0.05, 15.0, 3.0)])
+@pytest.mark.parametrize(("share", "tau", "stop"), [(0.02, 5.0, 3.0), (0.05, 15.0, 3.0), (0.02, 15.0, 8.0)])
 def test_a_recording_of_a_creeping_sensor_is_doubtful(share: float, tau: float, stop: float) -> None:
     calibration = cw.calibrate(recording(2, share, tau, stop), "auto" if tau < 15.0 else "mount")
     assert calibration.weight is not None
@@ -198,7 +198,8 @@ def test_creep_that_hides_in_noise_is_in_the_standard_deviations() -> None:
     assert np.linalg.norm(of_B[:3, :3]) > calibration.std["weight"]
 
 
-@pytest.mark.parametrize(("model", "cone"), [("auto", 40.0), ("affine", 180.0)])
+@pytest.mark.parametrize("cone", [40.0, 180.0])
+@pytest.mark.parametrize("model", ["auto", "affine"])
 def test_creep_is_in_the_bias_too(model: str, cone: float, tmp_path: Path) -> None:
     """What poses have in common is shown in full: near it weight and bias are wrong against each other."""
     calibration = cw.calibrate(recording(4, 0.02, 5.0, 3.0, cone), model)

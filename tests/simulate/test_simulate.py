@@ -380,13 +380,14 @@ def motions(seed: int) -> list[Motion]:
 
 @pytest.mark.parametrize("kind", [0, 1, 2])
 def test_a_motions_speeds_are_its_joints_differences(kind: int) -> None:
-    motion = motions(0)[kind]
-    step = motion.t[1]
-    speed = (motion.joints[2:] - motion.joints[:-2]) / (2.0 * step)
-    change = (motion.velocity[2:] - motion.velocity[:-2]) / (2.0 * step)
-    assert np.abs(speed - motion.velocity[1:-1]).max() < 2e-3
-    assert np.abs(change - motion.acceleration[1:-1]).max() < 0.3
-    assert np.abs(motion.velocity[0]).max() < 1e-9
+    for seed in range(3):
+        motion = motions(seed)[kind]
+        step = motion.t[1]
+        speed = (motion.joints[2:] - motion.joints[:-2]) / (2.0 * step)
+        change = (motion.velocity[2:] - motion.velocity[:-2]) / (2.0 * step)
+        assert np.abs(speed - motion.velocity[1:-1]).max() < 2e-3
+        assert np.abs(change - motion.acceleration[1:-1]).max() < 0.3
+        assert np.abs(motion.velocity[0]).max() < 1e-9
 
 
 def test_settings_are_in_the_truth(tmp_path: Path, capsys: Capture) -> None:
