@@ -87,9 +87,9 @@ def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_
     levels = [Drift(Kind.TWO_LEVELS, np.where(kept, 0.5, -0.5)[:, None]) for kept in sets]
     possible = np.isfinite(log_prior)
     kernels = problem.kernels.joined(list(compress(levels, possible)), list(compress(log_prior, possible)))
-    problem, look = replace(problem, kernels=kernels), np.r_[0, np.arange(before, len(kernels.drift))]
-    _, *shown = shown_at_a_glance(problem, table.tool, table.kept, table.hypotheses, look)
-    return problem, with_kernels(problem, table, np.array(shown)) if shown else table
+    problem, look = replace(problem, kernels=kernels), np.arange(before, len(kernels.drift))
+    shown = shown_at_a_glance(problem, table.tool, table.kept, table.hypotheses, look)
+    return problem, with_kernels(problem, table, shown) if len(shown) else table
 
 
 def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:

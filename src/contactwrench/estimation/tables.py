@@ -132,12 +132,14 @@ def shown_at_a_glance(
     hypotheses: tuple[Hypothesis, ...],
     among: NDArray[np.intp],
 ) -> NDArray[np.intp]:
-    """Of the kernels `among` which to look, those that may come near a steady bias, the first of them."""
+    """Of the kernels `among` which to look, those that may come near a steady bias, under the widest hypothesis."""
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
-    priors, kernels, steady = problem.priors_at(tool, hypotheses[-1:]), problem.kernels.select(among), np.zeros(1, int)
-    moments = moments_of(X, relative, kernels.select(steady), W, kept)
-    alone = solved(moments, kernels, priors, (steady, steady), problem.noise, LOOK)
-    return np.asarray(among[log_odds(X, relative, kernels, W, kept, alone) > -NEAR_AT_A_GLANCE])
+    first = np.zeros(1, dtype=np.intp)
+    steady, priors = problem.kernels.select(first), problem.priors_at(tool, hypotheses[-1:])
+    moments = moments_of(X, relative, steady, W, kept)
+    alone = solved(moments, steady, priors, (first, first), problem.noise, LOOK)
+    odds = log_odds(X, relative, problem.kernels.select(among), W, kept, alone)
+    return np.asarray(among[odds > -NEAR_AT_A_GLANCE])
 
 
 def _rows(problem: Problem, tool: RigidTool, kept: NDArray[np.bool_]) -> Array:
