@@ -19,7 +19,7 @@ only where they are further off (ntpd: 0.128 s), and are slowed down until then.
 FINEST = 1e-9
 """s from row to row: no recorder counts less."""
 LEAST_GAP, GAP_IN_ROWS = 0.05, 5.0
-"""s, and median steps of a stream: what takes longer than both is a gap."""
+"""s, and median steps of a stream: what takes longer is a gap, where nobody states one (`default_gap`) than both."""
 PACED, FEWEST_AT_A_PACE = 1.0, 8
 """s, over which a pace is even, and stamps that tell one."""
 APART = 1.0

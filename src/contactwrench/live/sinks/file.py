@@ -110,7 +110,7 @@ class GrowingFile(ABC):
                     self._file.add(self._messages(turn))
                 case GrowingParquet() if rows:
                     self._file.add(self._columns(turn))
-                case GrowingText() if rows:
+                case GrowingText():  # of poses alone nothing, but a Recorder keeps where they were
                     self._file.add(self._lines(turn))
         self.dropped, self._unwritten = self.dropped - rows, self._unwritten + rows
 
@@ -136,7 +136,7 @@ class GrowingFile(ABC):
 
     @abstractmethod
     def _lines(self, turn: Turn) -> Iterator[str]:
-        """What CSV gets below the header, likewise."""
+        """What CSV gets below the header; of poses alone nothing."""
 
 
 class ContactFile(GrowingFile):
