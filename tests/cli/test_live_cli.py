@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.cli.lab import Hands
+from contactwrench.cli.live_lab import Hands
 from contactwrench.lab.lines import TcpLines
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.truth import Plain

@@ -136,6 +136,19 @@ def test_a_robot_that_falls_silent_takes_no_row_and_refuses_none(tmp_path: Path,
 
 
 @pytest.mark.parametrize("kind", [".csv", ".parquet"])
+def test_a_position_is_kept_from_a_portion_of_poses_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.setattr(file_sinks, "PORTION", -1.0)
+    path = tmp_path / f"run{kind}"
+    both = turn(0, 40)
+    _given(Recorder(path), [Turn([], both.poses), Turn(both.readings, [])])
+    position = read_streams(path).orientation.position
+    assert position is not None
+    assert np.isfinite(position).all()
+
+
+@pytest.mark.parametrize("kind", [".csv", ".parquet"])
 def test_a_sensor_alone_is_recorded_as_readings(tmp_path: Path, kind: str) -> None:
     path = tmp_path / f"run{kind}"
     _given(Recorder(path), [without_orientation(one) for one in turns([500] * 4)])

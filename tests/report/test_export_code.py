@@ -14,8 +14,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.report.export.code import in_c
 from contactwrench.report.export.exported import TARGETS, exported
-from contactwrench.report.export.research import in_c
 from contactwrench.report.export.target import Setup
 from tests.support.exports import unwrapped
 from tests.support.rigs import noise_free

@@ -1,27 +1,21 @@
-"""`contactwrench lab`, and the hands of a person at its virtual arm: buttons of a live page that become orders to the
-control port.
-"""
+"""`contactwrench lab`."""
 
 from __future__ import annotations
 
 import gc
 import os
 import signal
-import socket
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from subprocess import Popen, TimeoutExpired
 from time import monotonic, sleep
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import msgspec
 import numpy as np
 import typer
 
-from ..errors import ContactWrenchError
 from ..geometry.arrays import Array
-from ..geometry.orientation import from_quat_xyzw
 from ..geometry.ranges import SEED, Range
 from . import options
 from .streams import caught
@@ -30,7 +24,6 @@ if TYPE_CHECKING:
     from ..lab.device import Fake
     from ..lab.rig import Lab
     from ..lab.truth import Truth
-    from ..live.page import Hub
 
 PORTS = Range(0, 65_000)
 LEAST_DEG, MOST_DEG = (0.0, 0.0, 0.0, 0.0, -90.0, -110.0, -120.0), (0.0, 0.0, 0.0, 0.0, 90.0, 25.0, 120.0)
@@ -169,51 +162,3 @@ def _end(session: Popen[bytes], number: int) -> None:
     except TimeoutExpired:
         session.kill()
         session.wait()
-
-
-WAITS = 3.0
-"""s for an answer."""
-DOWN, ALONG_X, ASIDE = (0.0, 0.0, -10.0), (10.0, 0.0, 0.0), (0.0, 8.0, 0.0)
-PUSHES: dict[str, dict[str, Any]] = {
-    "press_down": {"push": DOWN, "frame": "base", "at": "axis"},
-    "press_x": {"push": ALONG_X, "frame": "flange", "at": "axis"},
-    "push_tool": {"push": ASIDE, "frame": "base", "at": "hook"},
-    "release": {"release": True},
-}
-
-
-class Hands:
-    """Does what a button says; `control` is the URI of the control port, `hub` knows which pose is next."""
-
-    def __init__(self, control: str, hub: Hub) -> None:
-        from ..live.uri import parsed
-
-        uri = parsed(control)
-        if uri.scheme != "tcp" or uri.port is None:
-            raise ContactWrenchError(f"--lab is {control}, expected tcp://127.0.0.1:PORT, as `contactwrench lab` says")
-        self._place, self._hub = (uri.host, uri.port), hub
-
-    def __call__(self, action: dict[str, str]) -> None:
-        """Do it, or nothing where the lab is gone."""
-        what = action["do"]
-        if what in PUSHES:
-            self._order(PUSHES[what])
-            return
-        for target in self._targets():
-            if "error" not in self._order({"move": target}):
-                return
-
-    def _targets(self) -> list[list[list[float]]]:
-        """`R_base_flange` of the planned poses, the next one first."""
-        newest = self._hub.after(0)
-        snapshot = {} if newest is None else msgspec.json.decode(newest[1])["snapshot"]
-        targets: Any = (snapshot.get("poses") or {}).get("targets")
-        return from_quat_xyzw(targets).tolist() if targets else []
-
-    def _order(self, order: dict[str, Any]) -> dict[str, Any]:
-        try:
-            with socket.create_connection(self._place, WAITS) as control:
-                control.sendall(msgspec.json.encode(order) + b"\n")
-                return msgspec.json.decode(control.makefile("rb").readline(), type=dict[str, Any])
-        except (OSError, UnicodeError, msgspec.DecodeError):
-            return {"error": "the lab is gone"}

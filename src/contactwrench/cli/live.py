@@ -96,7 +96,7 @@ def live(
     from ..live.sink import open_sink
     from ..live.sinks.file import Recorder
     from ..live.uri import parsed, sink_of
-    from .lab import Hands
+    from .live_lab import Hands
     from .live_terminal import LOADED, Before, say
 
     refuse(

@@ -70,16 +70,16 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
     proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
     proposed += [side for table in (found[0], tables[everything.tobytes()]) for side in _two_sides(problem, table)]
-    problem, tables[everything.tobytes()] = _with_levels(problem, tables[everything.tobytes()], proposed)
+    tables[everything.tobytes()] = _with_levels(problem, tables[everything.tobytes()], proposed)
     first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
-    first = replace(first, kernels=problem.kernels)
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
-    return [first, *(table_at(problem, first.tool, table.kept, hypotheses, table) for table in others)]
+    own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
+    return [first, *(table_at(own, first.tool, table.kept, hypotheses, table) for own, table in own_kernels)]
 
 
-def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_]]) -> tuple[Problem, Table]:
-    """The problem and its table of all poses, in which those left out of a set that is `proposed` may be no outliers,
-    but on one of two levels, as backlash makes them, the constant halfway between.
+def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_]]) -> Table:
+    """The table of all poses, in which those left out of a set that is `proposed` may be no outliers, but on one of two
+    levels, as backlash makes them, the constant halfway between.
     """
     n, before = len(problem.wrench), len(problem.kernels.drift)
     sets = list({kept.tobytes(): kept for kept in proposed}.values())
@@ -89,7 +89,7 @@ def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_
     kernels = problem.kernels.joined(list(compress(levels, possible)), list(compress(log_prior, possible)))
     problem, look = replace(problem, kernels=kernels), np.arange(before, len(kernels.drift))
     shown = shown_at_a_glance(problem, table.tool, table.kept, table.hypotheses, look)
-    return problem, with_kernels(problem, table, shown) if len(shown) else table
+    return with_kernels(problem, table, shown) if len(shown) else table
 
 
 def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:

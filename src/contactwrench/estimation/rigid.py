@@ -82,10 +82,11 @@ def estimated(
         members = tables[0].members
         found = np.exp(members.log_evidence - tables[0].log_evidence) @ members.variance
         of_stops = min(float(np.mean(readings.least_variance / found)), 1.0)
-        relative, kernels = 1.0 - of_stops + of_stops * relative, tables[0].kernels
-        problem = replace(problem, relative=relative, kernels=kernels)
-        first = settled(problem, tables[0].tool, tables[0].kept, tables[0].hypotheses)
-        tables = [first, *(table_at(problem, first.tool, other.kept, other.hypotheses) for other in tables[1:])]
+        problem = replace(problem, relative=1.0 - of_stops + of_stops * relative)
+        first, *others = ((replace(problem, kernels=table.kernels), table) for table in tables)
+        likeliest = settled(first[0], first[1].tool, first[1].kept, first[1].hypotheses)
+        again = (table_at(own, likeliest.tool, table.kept, table.hypotheses) for own, table in others)
+        tables = [likeliest, *again]
     return mean_of(problem, tables, readings, plain)
 
 

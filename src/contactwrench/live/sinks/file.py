@@ -108,9 +108,11 @@ class GrowingFile(ABC):
             match self._file:
                 case GrowingMcap():
                     self._file.add(self._messages(turn))
-                case GrowingParquet() if rows:
-                    self._file.add(self._columns(turn))
-                case GrowingText():  # of poses alone nothing, but a Recorder keeps where they were
+                case GrowingParquet():
+                    columns = self._columns(turn)  # of poses alone none, but a Recorder keeps where they were
+                    if rows:
+                        self._file.add(columns)
+                case GrowingText():
                     self._file.add(self._lines(turn))
         self.dropped, self._unwritten = self.dropped - rows, self._unwritten + rows
 
@@ -132,7 +134,7 @@ class GrowingFile(ABC):
 
     @abstractmethod
     def _columns(self, turn: Turn) -> dict[str, Any]:
-        """What Parquet gets, by name; there is at least a row."""
+        """What Parquet gets, by name."""
 
     @abstractmethod
     def _lines(self, turn: Turn) -> Iterator[str]:

@@ -86,13 +86,14 @@ class LinesDecoder:
         return self._header(text)
 
     def _header(self, text: str) -> tuple[None, Sequence[float]]:
-        if self._is_numbers(text):
-            raise ValueError("found numbers, expected a header first, or ?columns=t,fx,fy,fz,tx,ty,tz,..")
-        if (found := layout_of([text], "the line")) is not None:
-            layout = found[1]
-            if layout.unnamed:
-                raise ValueError("found values, expected names: say ?columns=t,fx,fy,fz,tx,ty,tz,..")
-            self._csv, self._separator = self._kind(layout.names), layout.separator
+        numbers = self._is_numbers(text)
+        found = None if numbers else layout_of([text], "the line")
+        if numbers or (found is not None and found[1].unnamed):
+            raise ValueError("found numbers, expected a header first: send one, or say ?columns=t,fx,fy,fz,tx,ty,tz,..")
+        if found is None:
+            return None, ()
+        layout = found[1]
+        self._csv, self._separator = self._kind(layout.names), layout.separator
         return None, ()
 
     def _numbers(self, text: str, width: int) -> list[float]:

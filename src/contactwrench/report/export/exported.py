@@ -17,10 +17,10 @@ from ...compensate.delay import delay_of
 from ...errors import InputError
 from ...statistics import meaningful_digits, three_digits, two_digits
 from ...version import __version__
-from . import research, robots, ros
+from . import code, research, robots, ros
 from .target import ROUNDING, Parameters, Setup, Target, largest_error
 
-TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *robots.TARGETS, *research.LANGUAGES)}
+TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *robots.TARGETS, *code.TARGETS)}
 """Every format of parameters, by its name."""
 OF_THE_RECORDING = (
     "the bias is the sensor's in the recording: once the sensor, or its driver, is zeroed anew, it is another"
