@@ -130,7 +130,7 @@ def test_axia80_with_the_noise_estimated(model: str) -> None:
 
 @pytest.mark.slow
 @needs_task_runs
-@pytest.mark.parametrize("name", ["franka_1", "ur5e_1", "ur5e_3", "ur5e_still_82"])
+@pytest.mark.parametrize("name", ["franka_1", *(f"ur5e_{k}" for k in (1, 2, 3, 4, 5, "still_11", "still_82"))])
 def test_a_task_is_no_calibration(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Contacts and hardly a stop: refused in one line, or called weak or doubtful, and never good."""
     path = TASK_RUNS / f"{name}.csv"

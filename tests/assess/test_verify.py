@@ -30,11 +30,11 @@ def _loaded(rig: Rig, R: Array, mass: float, g: float = 9.80665) -> Array:
 def test_false_alarms_are_about_one_percent(given_noise: bool) -> None:
     """An alarm every hundredth time: what no alarm at all would be is seen in the test of changed tools."""
     rig, R, rng = example(1, poses=6)
-    alarms = 0
-    for samples in samples_of_a_design(rig, R, 40, rng)[::4]:
+    runs, alarms = 40, 0
+    for samples in samples_of_a_design(rig, R, runs, rng):
         calibration = cw.calibrate(samples, "mount", noise=NOISE if given_noise else None)
-        alarms += sum(not verify(calibration, noisy(rig, random_rotations(10, rng), rng)).passed for _ in range(8))
-    assert alarms <= 3  # of 80: 1 % and two and a half standard deviations
+        alarms += sum(not verify(calibration, noisy(rig, random_rotations(10, rng), rng)).passed for _ in range(4))
+    assert alarms / (4 * runs) <= 0.033  # 1 % and three standard deviations
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_a_bias_that_goes_on_moving_breaks_no_calibration(
 @pytest.mark.parametrize("model", ["paper", "yaw", "mount", "mount+base"])
 def test_a_mounting_that_slipped_is_none_of_noise_and_no_lack_of_tilt(model: str) -> None:
     """With a new zero; models that hold the mounting cannot tell what it is, and say no more than they know."""
-    for seed in range(2):
+    for seed in range(4):
         rig, R, rng = example(40 + seed, 16)
         rig = replace(rig, R_flange_sensor=Rotation.from_euler("z", rng.uniform(0.0, 6.0)).as_matrix(), down=DOWN)
         calibration = cw.calibrate(noisy(rig, R, rng), model)
@@ -136,7 +136,7 @@ def test_a_mounting_that_turned_far_is_no_scatter_of_the_poses(degrees: float) -
 def test_an_axis_that_reads_less_since_an_overload_is_no_contact_in_several_poses() -> None:
     """3 % less of fy: it is neither poses that are off, nor a scatter that no sensor explains."""
     said = []
-    for seed in range(4):
+    for seed in range(8):
         rig, R, rng = example(60 + seed)
         rig = replace(rig, weight=40.0)
         calibration, unseen = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(12, rng)
@@ -147,7 +147,7 @@ def test_an_axis_that_reads_less_since_an_overload_is_no_contact_in_several_pose
         said += [finding.text for finding in result.findings]
     assert not any(" and pose " in text and "take them anew" in text for text in said)
     assert not any("poses differ" in text for text in said)
-    assert sum(text.endswith("more than the bias changed: calibrate anew") for text in said) >= 2
+    assert sum(text.endswith("more than the bias changed: calibrate anew") for text in said) >= 4
 
 
 def test_a_channel_that_is_dead_since_is_named_and_no_bias_that_changed_between_poses() -> None:
@@ -179,7 +179,7 @@ def test_rows_that_are_means_are_held_to_what_poses_differ_by() -> None:
     )
     for of_samples in (False, True):
         kinds = []
-        for _ in range(4):
+        for _ in range(10):
             unseen = random_rotations(10, rng)
             same, off = (noisy(world, unseen, rng, (10.0 if of_samples else 1.0) * NOISE) for world in (rig, moved))
             results = verify(calibration, same), verify(calibration, off)
@@ -188,7 +188,7 @@ def test_rows_that_are_means_are_held_to_what_poses_differ_by() -> None:
             findings = [finding for each in results for finding in each.findings]
             kinds += [finding.kind for finding in findings]
             assert all(finding.text.endswith(note) for finding in findings if finding.kind is Kind.ROWS_OF_MEANS)
-        assert kinds.count(Kind.ROWS_OF_MEANS) == (0 if of_samples else 8)
+        assert kinds.count(Kind.ROWS_OF_MEANS) == (0 if of_samples else 20)
 
 
 @pytest.mark.parametrize("noisier", [3.0, None])
@@ -302,12 +302,12 @@ def test_repeated_rows_count_as_one_pose() -> None:
     rig, R, rng = example(7)
     calibration = cw.calibrate(noisy(rig, R, rng), "mount")
     alarms = 0
-    for _ in range(15):
+    for _ in range(40):
         unseen = random_rotations(5, rng)
         shared = np.repeat(noisy_readings(rig, unseen, NOISE, rng), 50, axis=0)
         rows = cw.Samples(shared + 0.1 * NOISE * rng.normal(size=shared.shape), np.repeat(unseen, 50, axis=0))
         alarms += not verify(calibration, rows).passed
-    assert alarms <= 1
+    assert alarms <= 2
 
 
 def test_single_readings_that_jump_are_left_out_as_in_a_calibration() -> None:
@@ -327,7 +327,7 @@ def test_loads_are_weighed_with_an_honest_std() -> None:
     rig, R, rng = example(8, poses=8)
     masses = np.array([0.1, 0.2, 0.5, 1.0])
     z = []
-    for _ in range(12):
+    for _ in range(25):
         calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
         poses, load = random_rotations(4, rng), masses
         wrench = np.vstack([_loaded(rig, poses[k : k + 1], m) for k, m in enumerate(masses)])
@@ -335,7 +335,7 @@ def test_loads_are_weighed_with_an_honest_std() -> None:
         result = verify(calibration, cw.Samples(wrench, poses, load_mass=load))
         assert [w.actual for w in result.weighings] == pytest.approx(masses)
         z.append([(w.weighed - w.actual) / w.std for w in result.weighings])
-    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.5)  # two and a half std of 48 squares
+    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.35)  # two and a half std of 100 squares
 
 
 def test_the_mean_of_sixteen_weighings_is_four_times_as_sure_as_one_reading() -> None:

@@ -42,7 +42,7 @@ def _down_in_sensor(rig: Rig, R_base_flange: Array) -> Array:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=4)
+@settings(deadline=None, max_examples=8)
 @given(seeds, st.sampled_from([2, 3, 7]), st.sampled_from(["mount", "mount+base", "affine"]))
 def test_any_object_on_any_mounting_and_any_base(seed: int, poses: int, model: str) -> None:
     rig, R, rng = example(seed, poses=14)
@@ -64,7 +64,7 @@ def test_any_object_on_any_mounting_and_any_base(seed: int, poses: int, model: s
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=2)
+@settings(deadline=None, max_examples=4)
 @given(seeds)
 def test_one_pose_gives_the_mass_and_a_line(seed: int) -> None:
     rig, R, rng = example(seed)
@@ -95,14 +95,14 @@ def _calibrations_of_long() -> list[tuple[cw.Calibration, Array]]:
     free = readings(LONG, R)
     return [
         (cw.calibrate(cw.Samples(free + off[:8], R), "mount", noise=NOISE), off[8:])
-        for off in noise_of_a_design(70, 11, rng)[::2]
+        for off in noise_of_a_design(70, 11, rng)
     ]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("poses", [1, 2, 3])
 def test_std_is_what_the_estimates_scatter_by(poses: int) -> None:
-    """Calibration and weighing both repeated, 35 times; hundreds: benchmarks/judgements.py."""
+    """Calibration and weighing both repeated."""
     rig, mass, rng = LONG, 1.0, np.random.default_rng((3, poses))
     z_mass, z_com, z_flange, alarms = [], [], [], 0
     for calibration, off in _calibrations_of_long():
@@ -119,18 +119,18 @@ def test_std_is_what_the_estimates_scatter_by(poses: int) -> None:
         z_com.append(error @ np.linalg.solve(across @ held.com_covariance @ across.T, error) / len(across))
         if held.com_flange is not None and held.com_flange_std is not None:
             z_flange.append((held.com_flange - rig.R_flange_sensor @ COM) / held.com_flange_std)
-    assert np.mean(np.square(z_mass)) == pytest.approx(1.0, abs=0.45)
-    assert np.mean(z_com) == pytest.approx(1.0, abs=0.45)
+    assert np.mean(np.square(z_mass)) == pytest.approx(1.0, abs=0.3)
+    assert np.mean(z_com) == pytest.approx(1.0, abs=0.3 if poses > 1 else 0.4)
     if poses > 1:
-        assert np.mean(np.square(z_flange)) == pytest.approx(1.0, abs=0.45)
-    assert alarms <= 1
+        assert np.mean(np.square(z_flange)) == pytest.approx(1.0, abs=0.3)
+    assert alarms <= 3
 
 
 @pytest.mark.parametrize("seen", [True, False])
 def test_orientations_that_are_a_bit_off_turn_the_object_too(seen: bool) -> None:
     """Whether the tool was heavy enough to show it while calibrating, or not; an object that moved is doubted still."""
     doubted, z_mass, z_com, moved = 0, [], [], 0
-    for seed in range(3):
+    for seed in range(6):
         rig, R, rng = example(seed, poses=16)
         rig = replace(rig, weight=20.0 if seen else 6.0)
 
@@ -153,10 +153,10 @@ def test_orientations_that_are_a_bit_off_turn_the_object_too(seen: bool) -> None
         wrench[4:] += (_holding(rig, 3.0, COM + 0.03, at) - _holding(rig, 3.0, COM, at))[4:]
         slipped = weigh(calibration, cw.Samples(wrench, at))
         moved += any(finding.kind is Kind.POOR_FIT for finding in slipped.findings)
-    assert doubted == 0
+    assert doubted <= 1
     assert np.sqrt(np.mean(np.square(z_mass))) < 1.6
     assert np.sqrt(np.mean(np.square(z_com))) < 1.6
-    assert moved == 3
+    assert moved >= 5
 
 
 def test_std_counts_what_the_poses_share() -> None:
@@ -202,7 +202,7 @@ def test_readings_that_no_object_explains_widen_the_std() -> None:
     calibration = cw.calibrate(noisy(rig, R, rng), "mount")
     z, said = [], set[Kind]()
     for mass in (0.4, 0.0):
-        for _ in range(12):
+        for _ in range(40):
             at = random_rotations(8, rng)
             wrench = _holding(rig, mass, COM, at) + 10.0 * NOISE * rng.normal(size=(8, 6))
             held = weigh(calibration, cw.Samples(wrench, at))
@@ -267,7 +267,7 @@ def _tilted(rng: np.random.Generator, poses: int, deg: float) -> Array:
 def test_a_zero_that_moved_along_gravity_is_no_mass(deg: float, noises: float) -> None:
     """It is said, or, where the poses do not show it, that they do not; a zero that stayed is neither."""
     said, silent = 0, 0
-    for seed in range(4):
+    for seed in range(10):
         rig, R, rng = example(300 + seed, 16)
         calibration = cw.calibrate(noisy(rig, R, rng), "mount")
         at = _tilted(rng, 6, deg)
@@ -284,7 +284,7 @@ def test_a_zero_that_moved_along_gravity_is_no_mass(deg: float, noises: float) -
         said += bool(shifts)
         silent += not (shifts or notes) and abs(held.mass - 1.0) > 5.0 * held.mass_std
     assert silent == 0
-    assert said >= (2 if deg * noises > 300.0 else 0)
+    assert said >= (4 if deg * noises > 300.0 else 0)
 
 
 def test_poses_all_round_need_no_note_about_the_zero() -> None:

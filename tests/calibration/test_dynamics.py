@@ -29,7 +29,7 @@ from tests.support.pinocchio_arm import any_joints, any_settings
 from tests.support.rigs import seeds
 from tests.support.world import Array, perturbed, random_rotations
 
-few = hypothesis_settings(max_examples=8, deadline=None)
+few = hypothesis_settings(max_examples=25, deadline=None)
 
 
 def _predicted(tool: RigidTool, mass: float, inertia: Array, offset: Array, motion: FlangeMotion) -> Array:
@@ -183,7 +183,7 @@ def test_the_variance_in_motion_is_that_of_drawn_tools() -> None:
     joint = np.block(
         [[c.covariance, c.dynamics.with_parameters.T], [c.dynamics.with_parameters, c.dynamics.covariance]]
     )
-    drawn = rng.multivariate_normal(np.zeros(p + 9), joint, 1500, method="svd")
+    drawn = rng.multivariate_normal(np.zeros(p + 9), joint, 4000, method="svd")
     assert c.weight is not None
     assert c.com is not None
     assert c.R_flange_sensor is not None
@@ -201,7 +201,7 @@ def test_the_variance_in_motion_is_that_of_drawn_tools() -> None:
         inertia, offset = c.dynamics.inertia + symmetric(step[p : p + 6]), c.dynamics.sensor_offset + step[p + 6 :]
         wrenches.append(_of(MovingTool(perturbed(world, step[:p]), inertia, offset), motion))
     assert names == PARAMETERS["mount"]
-    assert c.wrench_std(motion.R_base_flange, motion) == pytest.approx(np.std(wrenches, axis=0), rel=0.1)
+    assert c.wrench_std(motion.R_base_flange, motion) == pytest.approx(np.std(wrenches, axis=0), rel=0.06)
 
 
 def test_what_shakes_goes_through_the_centre_of_mass() -> None:

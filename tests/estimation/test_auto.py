@@ -13,7 +13,7 @@ import contactwrench as cw
 from contactwrench.calibration.findings import Kind
 from contactwrench.errors import AmbiguityError, InputError, UnobservableError
 from tests.support.poses import POSE_SETS
-from tests.support.rigs import NOISE, example, noise_free, noisy, rotation_angle, seeds
+from tests.support.rigs import NOISE, example, noise_free, noise_of_a_design, noisy, rotation_angle, seeds
 from tests.support.world import DOWN, Array, Rig, random_rotations, readings, tilted_down
 
 SPREAD = POSE_SETS["6 spread"]
@@ -38,7 +38,7 @@ def _off(calibration: cw.Calibration, rig: Rig) -> Array:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("mount_deg", "base_deg", "weight"),
-    [(0.0, 0.0, 50.0), (2.0, 0.0, 2.0), (0.0, 1.0, 50.0), (2.0, 1.0, 2.0)],
+    [(0.0, 0.0, 2.0), (0.0, 0.0, 50.0), (2.0, 0.0, 2.0), (0.0, 1.0, 50.0), (2.0, 1.0, 2.0), (2.0, 1.0, 50.0)],
 )
 def test_near_nominal_it_is_about_as_good_as_the_best_rung(mount_deg: float, base_deg: float, weight: float) -> None:
     """A light tool, or a heavy one with the sensor against the flange."""
@@ -46,7 +46,7 @@ def test_near_nominal_it_is_about_as_good_as_the_best_rung(mount_deg: float, bas
     rig, _, rng = example(11)
     rig = replace(rig, weight=weight)
     squares: dict[str, list[float]] = {}
-    for _ in range(2):
+    for _ in range(3):
         truth = _tilted(rig, mount_deg, base_deg, rng, flipped)
         calibration = cw.calibrate(noisy(truth, SPREAD, rng, 0.7 * NOISE))
         free = readings(truth, SPREAD)
@@ -59,7 +59,7 @@ def test_near_nominal_it_is_about_as_good_as_the_best_rung(mount_deg: float, bas
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=2)
+@settings(deadline=None, max_examples=4)
 @given(seed=seeds)
 def test_any_mounting_and_any_base_up_to_a_wall_are_found(seed: int) -> None:
     rig, R, rng = example(seed, poses=12)
@@ -72,7 +72,7 @@ def test_any_mounting_and_any_base_up_to_a_wall_are_found(seed: int) -> None:
 
 @pytest.mark.slow
 def test_a_wall_is_found_though_gravity_lies_right_at_the_limit() -> None:
-    for seed in range(3):
+    for seed in range(8):
         rig, R, rng = example(seed, poses=12)
         wall = replace(rig, weight=10.0, down=tilted_down(np.pi / 2.0, rng))
         calibration = cw.calibrate(noisy(wall, R, rng), "mount+base")
@@ -111,15 +111,16 @@ def test_the_std_counts_tilts_within_their_priors() -> None:
     """Six poses near the vertical cannot tell a tilt: the prior does, and a wider one leaves a larger std, though never
     that of whoever knows nothing of it.
     """
-    rig, _, rng = example(15)
-    samples = noisy(_tilted(replace(rig, weight=2.0), 0.0, 0.0, rng), POSE_SETS["paper's 6"], rng)
-    narrow, usual, wide = (
-        cw.calibrate(samples, mount_tilt_sd=np.deg2rad(sd), base_tilt_sd=np.deg2rad(0.5 * sd)).largest_std[0]
-        for sd in (0.1, 1.41, 3.0)
-    )
-    told, free = (cw.calibrate(samples, model).largest_std[0] for model in ("yaw", "mount+base"))
-    assert narrow == pytest.approx(told, rel=0.02)
-    assert 1.05 * narrow < usual < wide < free
+    for seed in range(15, 17):
+        rig, _, rng = example(seed)
+        samples = noisy(_tilted(replace(rig, weight=2.0), 0.0, 0.0, rng), POSE_SETS["paper's 6"], rng)
+        narrow, usual, wide = (
+            cw.calibrate(samples, mount_tilt_sd=np.deg2rad(sd), base_tilt_sd=np.deg2rad(0.5 * sd)).largest_std[0]
+            for sd in (0.1, 1.41, 3.0)
+        )
+        told, free = (cw.calibrate(samples, model).largest_std[0] for model in ("yaw", "mount+base"))
+        assert narrow == pytest.approx(told, rel=0.02)
+        assert 1.05 * narrow < usual < wide < free
 
 
 @pytest.mark.slow
@@ -127,33 +128,34 @@ def test_errors_are_those_that_the_std_states() -> None:
     """Truth drawn from the priors: mean squared errors in stds near 1 for weight, com and bias."""
     rng = np.random.default_rng(16)
     squares = []
-    for _ in range(12):
+    for off in noise_of_a_design(40, len(SPREAD), rng):
         rig, _, _ = example(int(rng.integers(1000)))
         rig = replace(rig, weight=5.0)
         mount, base = np.deg2rad(1.41) * rng.normal(size=2), np.deg2rad(0.71) * rng.normal(size=2)
         tilt = Rotation.from_rotvec([*mount, 0.0]).as_matrix()
         yaw = Rotation.from_euler("z", rng.uniform(-np.pi, np.pi)).as_matrix()
         rig = replace(rig, R_flange_sensor=tilt @ yaw, down=Rotation.from_rotvec([*base, 0.0]).as_matrix() @ DOWN)
-        calibration = cw.calibrate(noisy(rig, SPREAD, rng), noise=NOISE)
+        calibration = cw.calibrate(cw.Samples(readings(rig, SPREAD) + off, SPREAD), noise=NOISE)
         errors = [
             np.atleast_1d((getattr(calibration, name) - getattr(rig, name)) / calibration.std[name])
             for name in ("weight", "com", "bias")
         ]
         squares.append(np.concatenate(errors) ** 2)
-    assert np.mean(squares) == pytest.approx(1.0, abs=0.35)
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
 
 
 @pytest.mark.slow
 def test_the_std_does_not_depend_on_how_the_base_is_turned() -> None:
     """Base axes turned about the vertical are other names for the same: the std of every contact wrench stays."""
-    rig, _, rng = example(0)
-    rig = _tilted(replace(rig, weight=6.0), 0.5, 0.5, rng)
-    samples = noisy(rig, POSE_SETS["paper's 6"], rng)
-    turn = Rotation.from_euler("z", rng.uniform(-np.pi, np.pi)).as_matrix()
-    turned = cw.Samples(samples.wrench, turn @ samples.R_base_flange)
-    R = random_rotations(20, rng)
-    as_it_is, other = cw.calibrate(samples), cw.calibrate(turned)
-    assert other.wrench_std(turn @ R) == pytest.approx(as_it_is.wrench_std(R), rel=1e-3)
+    for seed in range(3):
+        rig, _, rng = example(seed)
+        rig = _tilted(replace(rig, weight=6.0), 0.5, 0.5, rng)
+        samples = noisy(rig, POSE_SETS["paper's 6"], rng)
+        turn = Rotation.from_euler("z", rng.uniform(-np.pi, np.pi)).as_matrix()
+        turned = cw.Samples(samples.wrench, turn @ samples.R_base_flange)
+        R = random_rotations(20, rng)
+        as_it_is, other = cw.calibrate(samples), cw.calibrate(turned)
+        assert other.wrench_std(turn @ R) == pytest.approx(as_it_is.wrench_std(R), rel=1e-3)
 
 
 @pytest.mark.slow
@@ -186,7 +188,7 @@ def test_rungs_that_the_poses_cannot_tell_are_left_out() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [100, 101])
+@pytest.mark.parametrize("seed", range(100, 104))
 def test_three_poses_never_state_a_noise_of_nothing(seed: int) -> None:
     """With every tilt free three poses can fit all forces exactly: refused, or an honest std."""
     rig, R, rng = example(seed, poses=3)
@@ -208,7 +210,7 @@ def test_torques_that_any_tool_fits_leave_no_noise_and_are_refused(sign: float) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", range(4))
 def test_three_poses_at_any_mounting_are_refused_or_right_and_their_sign_is_not_confirmed(seed: int) -> None:
     """A base that is likely level leaves `auto` a noise, yet three directions of gravity lie in one plane."""
     rig, R, rng = example(seed, poses=3)

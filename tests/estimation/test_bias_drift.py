@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -51,7 +53,7 @@ def _along_one_direction(seed: int, poses: int, cycle: bool) -> tuple[Rig, cw.Sa
     return rig, cw.Samples(noisy_readings(rig, R, NOISE, rng) + change, R, t=10.0 * np.arange(float(poses)))
 
 
-@pytest.mark.parametrize(("poses", "seed"), [(12, 1), (24, 4)])
+@pytest.mark.parametrize(("poses", "seed"), [(12, 1), (12, 2), (24, 3), (24, 4)])
 def test_a_bias_that_goes_there_and_back_wanders_and_the_last_one_is_within_its_std(poses: int, seed: int) -> None:
     """It was 6 to 8 std off in these, and good: as backlash, or by a walk that took the noise up with the cycle."""
     rig, samples = _along_one_direction(seed, poses, cycle=True)
@@ -65,7 +67,7 @@ def test_a_bias_that_goes_there_and_back_wanders_and_the_last_one_is_within_its_
 def test_the_last_of_a_bias_that_wanders_along_one_direction_is_covered(cycle: bool) -> None:
     """By the 95 % intervals of its axes, of all recordings together."""
     off = []
-    for poses, seed in ((12, 40), (12, 41), (24, 42)):
+    for poses, seed in product((12, 24), range(40, 50)):
         rig, samples = _along_one_direction(seed, poses, cycle)
         calibration = cw.calibrate(samples, "mount")
         off += np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).tolist()
@@ -73,7 +75,7 @@ def test_the_last_of_a_bias_that_wanders_along_one_direction_is_covered(cycle: b
     assert max(off) < 5.0
 
 
-@pytest.mark.parametrize("seed", [3, 11])
+@pytest.mark.parametrize("seed", [3, 7, 8, 10, 11])
 def test_backlash_that_comes_with_the_direction_of_arrival_is_none_of_a_bias_that_wanders(seed: int) -> None:
     """Two levels 9 noise std apart, six of twelve poses near tool-down on each: in these none was found."""
     rng = np.random.default_rng(seed)
@@ -95,7 +97,7 @@ def _one_member(strength: float) -> Members:
 
 @pytest.mark.parametrize("along", [0.0, 1.0, 4.0])
 def test_a_direction_that_nobody_knows_is_weighed_as_the_mean_over_many(along: float) -> None:
-    """Against the density of twelve readings under each of 100,000 directions drawn at random."""
+    """Against the density of twelve readings under each of 400,000 directions drawn at random."""
     rng = np.random.default_rng(3)
     (walk,), n = [d.columns for d in _drifts(np.arange(12.0)) if d.kind is Kind.BIAS_WANDERED], 12
     errors = rng.normal(size=(n, 6)) + along * np.outer(walk @ rng.normal(size=walk.shape[1]), direction(rng, 6) * 2.4)
@@ -104,7 +106,7 @@ def test_a_direction_that_nobody_knows_is_weighed_as_the_mean_over_many(along: f
     own = multivariate_normal(np.zeros(n - 1), np.eye(n - 1))
     own_walk = multivariate_normal(np.zeros(n - 1), np.eye(n - 1) + 4.0 * contrasts @ walk @ walk.T @ contrasts.T)
     along_one = multivariate_normal(np.zeros(n - 1), np.eye(n - 1) + 24.0 * contrasts @ walk @ walk.T @ contrasts.T)
-    directions = rng.normal(size=(100_000, 6))
+    directions = rng.normal(size=(400_000, 6))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     noise_alone = float(np.sum(own.logpdf(seen.T)))
     each = along_one.logpdf(directions @ seen.T) - own.logpdf(directions @ seen.T) + noise_alone
@@ -140,7 +142,7 @@ def test_without_times_large_steps_alone_are_looked_for_and_of_few_poses_nothing
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("before", [1, 2, 9, 10, 11])
+@pytest.mark.parametrize("before", range(1, 12))
 def test_a_step_before_any_pose_leaves_the_last_bias_within_its_std(before: int) -> None:
     """Twelve poses, 20 noise std: found with two poses on either side, and not sure where three or fewer are after."""
     rig, R, rng = example(before, poses=12)
@@ -160,33 +162,35 @@ def test_a_step_before_any_pose_leaves_the_last_bias_within_its_std(before: int)
 
 def test_a_last_pose_that_is_off_is_taken_for_a_contact_rather_than_for_a_step() -> None:
     """As it is in nearly all cases: the bias that is given is not moved towards it."""
-    rig, R, rng = example(1, poses=12)
-    wrench = noisy_readings(rig, R, NOISE, rng)
-    wrench[-1] += 20.0 * NOISE * [1.0, -1.0, 1.0, 0.0, 0.5, 0.0]
-    calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(12.0)), "mount")
-    assert np.abs((calibration.bias - rig.bias) / NOISE).max() < 3.0
-    assert any("pose 12 (t = 110 s), the last one, was left out: " in text for text in calibration.warnings)
+    for seed in range(2):
+        rig, R, rng = example(seed, poses=12)
+        wrench = noisy_readings(rig, R, NOISE, rng)
+        wrench[-1] += 20.0 * NOISE * [1.0, -1.0, 1.0, 0.0, 0.5, 0.0]
+        calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(12.0)), "mount")
+        assert np.abs((calibration.bias - rig.bias) / NOISE).max() < 3.0
+        assert any("pose 12 (t = 110 s), the last one, was left out: " in text for text in calibration.warnings)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("last", "poses"), [(1, 24), (2, 12)])
+@pytest.mark.parametrize("poses", [12, 24])
+@pytest.mark.parametrize("last", [1, 2])
 def test_a_step_before_the_last_poses_is_in_the_std_of_the_bias_and_never_good(last: int, poses: int) -> None:
     """Whether the bias stepped or those poses are in contact nobody can know: both are in the mean, and it is said."""
-    rig, R, rng = example(1, poses=poses)
-    wrench = noisy_readings(rig, R, NOISE, rng)
-    wrench[:-last] += np.array([0.5, -0.5, 0.7, 0.0, 0.01, 0.0])
-    calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(float(poses))), "mount")
-    assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0
-    assert calibration.verdict != "good"
-    doubted = {finding.kind for finding in calibration.findings if finding.severity is Severity.DOUBTFUL}
-    assert (Kind.POSE_IN_DOUBT if last == 1 else Kind.BIAS_STEPPED) in doubted
+    for seed in range(2):
+        rig, R, rng = example(seed, poses=poses)
+        wrench = noisy_readings(rig, R, NOISE, rng)
+        wrench[:-last] += np.array([0.5, -0.5, 0.7, 0.0, 0.01, 0.0])
+        calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(float(poses))), "mount")
+        assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0, seed
+        assert calibration.verdict != "good", seed
+        doubted = {finding.kind for finding in calibration.findings if finding.severity is Severity.DOUBTFUL}
+        assert (Kind.POSE_IN_DOUBT if last == 1 else Kind.BIAS_STEPPED) in doubted, seed
 
 
 @pytest.mark.slow
 def test_a_bias_that_stays_is_hardly_ever_said_to_move() -> None:
-    """How often: benchmarks/inference.py, `steady`."""
     moved = 0
-    for seed in range(4):
+    for seed in range(10):
         rig, R, rng = example(500 + seed, poses=12)
         samples = cw.Samples(noisy_readings(rig, R, NOISE, rng), R, t=10.0 * np.arange(12.0))
         moved += any(finding.kind in OF_BIAS for finding in cw.calibrate(samples, "mount").findings)

@@ -43,7 +43,7 @@ def _kinds(calibration: cw.Calibration) -> set[Kind]:
 def test_it_is_said_how_far_and_nothing_else_is_blamed(n: int, degrees: float) -> None:
     """Half of such tables had a pose in contact; and the weight, which turns leave alone, was ten times less sure."""
     off, verdicts = [], Counter[str]()
-    for seed in range(2):
+    for seed in range(5):
         _, R, wrench, _ = _recording(seed, n, degrees)
         calibration = cw.calibrate(cw.Samples(wrench, R), "auto" if n == 12 else "mount")
         assert calibration.weight is not None
@@ -60,13 +60,13 @@ def test_it_is_said_how_far_and_nothing_else_is_blamed(n: int, degrees: float) -
         verdicts[calibration.verdict] += 1
         assert calibration.std["weight"] < 0.004
         off.append((calibration.weight - 20.0) / calibration.std["weight"])
-    assert verdicts["good"] == 2
+    assert verdicts["good"] == 5
     assert np.sqrt(np.mean(np.square(off))) < 1.5
 
 
 def test_a_robot_that_is_degrees_off_is_found() -> None:
     """The search began no further out than robots usually are, where it stopped."""
-    for seed in range(2):
+    for seed in range(3):
         _, R, wrench, _ = _recording(seed, 20, 1.7)
         calibration = cw.calibrate(cw.Samples(wrench, R), "mount")
         assert calibration.weight is not None
@@ -77,17 +77,18 @@ def test_a_robot_that_is_degrees_off_is_found() -> None:
 
 def test_of_many_poses_none_is_left_out() -> None:
     """They were noise alike on all axes: 3 of 10 such tables were good, 4 % of the poses left out."""
-    _, R, wrench, _ = _recording(0, 150, 0.2, 4.0 * QUIET)
-    calibration = cw.calibrate(cw.Samples(wrench, R))
-    assert calibration.weight is not None
-    assert calibration.verdict == "good"
-    assert all(pose.rejected is None for pose in calibration.poses)
-    assert abs(calibration.weight - 20.0) < 4.0 * calibration.std["weight"] < 0.01
+    for seed in range(3):
+        _, R, wrench, _ = _recording(seed, 150, 0.2, 4.0 * QUIET)
+        calibration = cw.calibrate(cw.Samples(wrench, R))
+        assert calibration.weight is not None
+        assert calibration.verdict == "good"
+        assert all(pose.rejected is None for pose in calibration.poses)
+        assert abs(calibration.weight - 20.0) < 4.0 * calibration.std["weight"] < 0.01
 
 
 def test_under_a_sensor_as_good_as_exact_it_is_neither_creep_nor_two_levels() -> None:
     """Creep has 18 numbers for six poses, and leaves next to no noise, by which turns were not even looked for."""
-    for seed in range(3):
+    for seed in range(8):
         _, R, wrench, _ = _recording(100 + seed, 8, 0.2, 0.01 * QUIET)
         calibration = cw.calibrate(cw.Samples(wrench, R))
         assert calibration.weight is not None
@@ -96,21 +97,23 @@ def test_under_a_sensor_as_good_as_exact_it_is_neither_creep_nor_two_levels() ->
 
 
 def test_a_robot_that_is_right_is_not_said_to_be_off() -> None:
-    for seed in range(3):
+    for seed in range(6):
         rig, R, rng = example(seed, poses=16)
         assert Kind.ROBOT not in _kinds(cw.calibrate(cw.Samples(noisy_readings(rig, R, QUIET, rng), R), "mount"))
 
 
-def test_a_light_contact_is_found_that_turns_do_not_explain() -> None:
+@pytest.mark.parametrize("seed", range(2))
+def test_a_light_contact_is_found_that_turns_do_not_explain(seed: int) -> None:
     """0.15 N along gravity, where an orientation that is 0.1 deg off makes 0.00003 N."""
-    rig, R, wrench, _ = _recording(0, 16, 0.1)
+    rig, R, wrench, _ = _recording(seed, 16, 0.1)
     wrench[5, :3] += 0.15 * rig.down @ R[5] @ rig.R_flange_sensor
     calibration = cw.calibrate(cw.Samples(wrench, R), "mount")
     assert [k for k, pose in enumerate(calibration.poses) if pose.rejected is not None] == [5]
 
 
-def test_a_bias_that_drifts_is_followed_beside_it() -> None:
-    rig, R, wrench, _ = _recording(0, 16, 0.1)
+@pytest.mark.parametrize("seed", range(2))
+def test_a_bias_that_drifts_is_followed_beside_it(seed: int) -> None:
+    rig, R, wrench, _ = _recording(seed, 16, 0.1)
     wrench -= np.outer(np.linspace(1.0, 0.0, 16), [0.2, -0.1, 0.15, 0.0, 0.005, 0.0])
     calibration = cw.calibrate(cw.Samples(wrench, R, t=30.0 * np.arange(16.0)), "mount")
     assert {Kind.ROBOT, Kind.BIAS_DRIFTED} <= _kinds(calibration)
@@ -123,7 +126,7 @@ def test_a_bias_that_drifts_is_followed_beside_it() -> None:
 def test_what_all_poses_are_off_alike_is_in_the_std_of_the_mounting() -> None:
     """Errors that go on from pose to pose turn the mounting, which no reading shows: it is as uncertain as they are."""
     off = []
-    for seed in range(3):
+    for seed in range(7):
         rig, R, rng = example(seed, poses=16)
         rig = replace(rig, weight=20.0)
         wrench = noisy_readings(rig, R @ _off(16, 0.2, rng, correlation=0.85), QUIET, rng)

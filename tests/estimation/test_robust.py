@@ -1,7 +1,4 @@
-"""Recordings that are not clean: poses in contact, a bias that steps or drifts, and clean ones that are left alone.
-
-A few of each: how often it is so, benchmarks/inference.py counts.
-"""
+"""Recordings that are not clean: poses in contact, a bias that steps or drifts, and clean ones that are left alone."""
 
 from __future__ import annotations
 
@@ -21,6 +18,7 @@ from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import DOWN, Array, Rig, noisy_readings, random_rig, random_rotations, readings
 
 BAD = [3, 8, 9, 20]
+RIGID = ("auto", "yaw", "mount", "mount+base")
 OF_BIAS = (Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED)
 EVERY_10_S = 10.0 * np.arange(24.0)
 APART = np.array([0.36, 0.0, 0.48, 0.024, 0.018, 0.0])
@@ -48,7 +46,9 @@ def _off(calibration: cw.Calibration, rig: Rig) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("model", "size"), [("auto", 8.0), ("yaw", 1000.0), ("mount", 40.0), ("mount+base", 8.0)])
+@pytest.mark.parametrize(
+    ("model", "size"), [*((model, size) for model in RIGID for size in (8.0, 1000.0)), ("auto", 40.0), ("mount", 40.0)]
+)
 def test_poses_in_contact_are_left_out(model: str, size: float) -> None:
     """Offsets of `size` standard deviations, in a random direction of the whitened reading each."""
     rig, R, rng = _rig(1)
@@ -81,10 +81,10 @@ def test_a_pose_says_why_it_was_left_out(tmp_path: object) -> None:
 
 
 @pytest.mark.slow
-def test_the_same_offset_in_an_axis_alone_is_found() -> None:
+def test_the_same_offset_in_every_axis_alone_is_found() -> None:
     """A pose is an outlier, not an axis: whichever axis carries it."""
     rig, R, rng = _rig(3)
-    for axis in (1, 2, 5):
+    for axis in range(6):
         wrench = noisy_readings(rig, R, NOISE, rng)
         wrench[5, axis] += 12.0 * NOISE[axis]
         assert 5 in _left_out(cw.calibrate(cw.Samples(wrench, R), "mount"))
@@ -94,16 +94,17 @@ def test_the_same_offset_in_an_axis_alone_is_found() -> None:
 @pytest.mark.parametrize("poses", [6, 12, 24])
 def test_clean_recordings_lose_hardly_a_pose_and_no_bias_moves(poses: int) -> None:
     lost = moved = 0
-    for seed in range(3):
+    for seed in range(8):
         rig, _, rng = _rig(seed)
         R = random_rotations(poses, rng)
         calibration = cw.calibrate(noisy(rig, R, rng), "mount")
         lost += bool(_left_out(calibration))
         moved += bool(_of_bias(calibration))
-    assert lost == moved == 0
+    assert lost <= 1
+    assert moved == 0
 
 
-@pytest.mark.parametrize("seed", [4, 7])
+@pytest.mark.parametrize("seed", range(4, 8))
 def test_where_half_of_the_poses_are_bad_no_answer_is_sure(seed: int) -> None:
     """No more than two of five are anybody's outliers: the rest is refused, or weak and wide enough."""
     rig, R, rng = _rig(seed)
@@ -119,7 +120,7 @@ def test_where_half_of_the_poses_are_bad_no_answer_is_sure(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [5, 8])
+@pytest.mark.parametrize("seed", range(5, 9))
 def test_a_file_that_is_read_wrongly_is_not_cleaned_until_it_fits(seed: int) -> None:
     """The inverse orientation fits no tool: whatever is left out, it stays a poor fit, and diagnose is named."""
     rig, R, rng = _rig(seed)
@@ -132,7 +133,8 @@ def test_a_file_that_is_read_wrongly_is_not_cleaned_until_it_fits(seed: int) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("model", "after"), [("auto", 6), ("mount", 12), ("mount", 16), ("auto", 19)])
+@pytest.mark.parametrize("model", ["auto", "mount"])
+@pytest.mark.parametrize("after", [6, 12, 16, 19])
 def test_a_step_of_the_bias_is_located_and_the_last_bias_kept(model: str, after: int) -> None:
     """With five poses after it, it could be five in contact alike, which the finding says."""
     rig, R, rng = _rig(6)
@@ -150,7 +152,7 @@ def test_a_step_of_the_bias_is_located_and_the_last_bias_kept(model: str, after:
     assert calibration.weight == pytest.approx(rig.weight, abs=5.0 * calibration.std["weight"])
 
 
-@pytest.mark.parametrize(("seed", "poses"), [(2, 8), (37, 12)])
+@pytest.mark.parametrize(("seed", "poses"), [(2, 8), (10, 8), (11, 12), (18, 10), (37, 12)])
 def test_a_light_tool_zeroed_on_the_way_has_neither_another_sign_nor_another_weight(seed: int, poses: int) -> None:
     """By about what it weighs: from a start under a steady bias it was refused, "the weight comes out as -4 N"."""
     rig, R, rng = example(seed, poses)
@@ -196,7 +198,7 @@ def test_a_bias_that_wanders_through_rows_without_times_is_in_doubt() -> None:
     """A walk of 4 noise std a pose, which the readings leave in order; shuffled, nobody can tell it."""
     doubted = {"walk": 0, "shuffled": 0, "steady": 0}
     text = "doubtful: what is left in one pose is left in the next too (correlation {}), as of a bias that moves, or a "
-    for seed in range(5):
+    for seed in range(10):
         rig, R, rng = _rig(seed)
         R = R[:10]
         steady = noisy_readings(rig, R, NOISE, rng)
@@ -208,7 +210,7 @@ def test_a_bias_that_wanders_through_rows_without_times_is_in_doubt() -> None:
                 doubted[name] += 1
                 correlation = said.partition("(correlation ")[2].partition(")")[0]
                 assert said == text.format(correlation) + "cable: give the times (a column t)"
-    assert doubted["walk"] >= 2
+    assert doubted["walk"] >= 3
     assert doubted["steady"] == doubted["shuffled"] == 0
 
 
@@ -240,7 +242,7 @@ def test_a_random_walk_is_followed_to_its_end() -> None:
 
 @pytest.mark.slow
 def test_the_same_push_in_four_poses() -> None:
-    for seed, size in ((21, 10.0), (24, 1000.0)):
+    for seed, size in ((21, 10.0), (22, 30.0), (23, 100.0), (24, 1000.0)):
         rig, R, rng = _rig(seed)
         wrench = noisy_readings(rig, R, NOISE, rng)
         push = rng.normal(size=6)
@@ -318,7 +320,7 @@ def test_unequal_gains_are_said_with_the_singular_values_and_equal_ones_are_not(
 
 def test_a_heavy_tool_on_a_quiet_sensor_shows_no_gain() -> None:
     """A weight of 24,000 times the noise: what is known beforehand must not outweigh the readings on the way."""
-    for seed in (1, 2):
+    for seed in (1, 2, 3):
         rng = np.random.default_rng(seed)
         rig, R = replace(random_rig(rng), weight=80.0), random_rotations(24, rng)
         calibration = cw.calibrate(cw.Samples(noisy_readings(rig, R, NOISE / 15.0, rng), R))
@@ -330,7 +332,7 @@ def test_a_heavy_tool_on_a_quiet_sensor_shows_no_gain() -> None:
 
 def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_backlash() -> None:
     """0.6 N of 20: taken for a contact, in doubt, and the std tells of the 0.3 N by which the bias would be off."""
-    for seed in range(2):
+    for seed in range(3):
         rig, _, rng = _rig(seed)
         rig, R = replace(rig, weight=20.0), SIX_SPREAD
         wrench = noisy_readings(rig, R, NOISE, rng)
@@ -346,7 +348,7 @@ def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_bac
         assert np.linalg.norm(calibration.bias[:3] - between) < 2.2 * np.linalg.norm(calibration.std["bias"][:3])
 
 
-@pytest.mark.parametrize("seed", [64, 1])
+@pytest.mark.parametrize("seed", [64, 1, 2])
 def test_one_of_six_poses_in_contact_is_found_though_it_bends_the_fit(seed: int) -> None:
     """100 std: with the noise that it makes itself, it is not far off the other five."""
     rng = np.random.default_rng(seed)
@@ -407,7 +409,7 @@ def test_a_torque_that_no_backlash_of_that_tool_makes_is_a_contact_and_no_more()
 
 @pytest.mark.parametrize("factor", [40.0, 0.05])
 def test_one_axis_far_noisier_or_quieter_brings_no_false_motion_or_pull(factor: float) -> None:
-    for seed in (11, 12):
+    for seed in (11, 12, 13):
         rig, R, rng = example(seed, poses=12)
         noise = NOISE * np.array([1.0, 1.0, factor, 1.0, 1.0, 1.0])
         calibration = cw.calibrate(cw.Samples(noisy_readings(rig, R, noise, rng), R, EVERY_10_S[:12]), "mount")
@@ -418,7 +420,7 @@ def test_one_axis_far_noisier_or_quieter_brings_no_false_motion_or_pull(factor: 
 def test_what_a_robot_is_off_in_all_poses_alike_is_in_the_std() -> None:
     """0.3 deg that go on from pose to pose: no reading tells them from a turned mounting."""
     squared = []
-    for seed in range(3):
+    for seed in range(5):
         rig, R, rng = _rig(seed)
         rig = replace(rig, weight=20.0)
         turns = np.deg2rad(0.3) * rng.normal(size=(24, 3))
@@ -432,7 +434,7 @@ def test_what_a_robot_is_off_in_all_poses_alike_is_in_the_std() -> None:
     assert np.max(squared) < 9.0
 
 
-@pytest.mark.parametrize("seed", [1, 45])
+@pytest.mark.parametrize("seed", [1, 15, 34, 45])
 def test_a_push_that_leads_far_off_is_left_out_and_the_sign_is_not_blamed(seed: int) -> None:
     """Of nine poses in a cone, stronger than the tool's weight: where the fit of all of them begins, it comes out as
     negative, one axis as far noisier than the others.

@@ -45,7 +45,7 @@ def _turned(streams: Streams, R: Array) -> Streams:
 
 
 @pytest.mark.slow
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 10_000), shift=st.floats(-0.15, 0.15))
 def test_the_estimate_follows_a_shift_of_one_stream(seed: int, shift: float) -> None:
     streams = gravity_alone(seed, duration=20.0)
@@ -55,7 +55,7 @@ def test_the_estimate_follows_a_shift_of_one_stream(seed: int, shift: float) -> 
 
 
 @pytest.mark.slow
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_any_tool_mounting_and_base(seed: int) -> None:
     found = estimate_delay(gravity_alone(seed, duration=20.0), within=0.2)
@@ -65,9 +65,10 @@ def test_any_tool_mounting_and_base(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_rotated_base_with_rotated_gravity_changes_nothing() -> None:
-    streams = gravity_alone(1, duration=20.0)
-    Q = Rotation.random(random_state=1).as_matrix()
+@pytest.mark.parametrize("seed", range(2))
+def test_a_rotated_base_with_rotated_gravity_changes_nothing(seed: int) -> None:
+    streams = gravity_alone(seed, duration=20.0)
+    Q = Rotation.random(random_state=seed).as_matrix()
     turned = _turned(streams, Q @ streams.orientation.R_base_flange)
     before = estimate_delay(streams, within=NEAR)
     after = estimate_delay(turned, gravity=Q @ [0.0, 0.0, -1.0], within=NEAR)
@@ -88,14 +89,14 @@ def test_units_and_axes_of_the_sensor_do_not_matter() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("over", [0.0, 0.2])
 def test_two_standard_deviations_cover(over: float) -> None:
-    """Of 4 recordings at 95 % fewer than 3 are inside once in 70 times; benchmarks/clock_delay.py counts many."""
+    """Of 8 recordings at 95 % fewer than 6 are inside once in 170 times; benchmarks/clock_delay.py counts many."""
     found = [
         estimate_delay(gravity_alone(seed, duration=15.0, noise=5.0, correlated_over=over), within=NEAR)
-        for seed in range(4)
+        for seed in range(8)
     ]
     off = np.array([one.value - TRUE for one in found]) / np.array([one.std for one in found])
-    assert np.sum(np.abs(off) < 2.0) >= 3
-    assert np.std(off) > 0.4
+    assert np.sum(np.abs(off) < 2.0) >= 6
+    assert np.std(off) > 0.5
 
 
 @pytest.mark.slow
@@ -139,32 +140,34 @@ def test_a_single_axis_tells_it() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "jitter", "kept"), [("vertical", 0.0, 1.0), ("tilted", 3e-4, 0.97), ("hand", 1e-3, 1.0)]
-)
-def test_joints_of_a_whole_arm_tell_it(kind: str, jitter: float, kept: float) -> None:
+@pytest.mark.parametrize("kind", ["vertical", "tilted", "hand"])
+def test_joints_of_a_whole_arm_tell_it(kind: str) -> None:
     """Also where their stamps jitter, where some are lost, and where a second of them is."""
-    rng = np.random.default_rng(4)
-    streams = with_joints(whole_arm(kind, 30.0, 4), 0.03, rng, jitter)
-    rows = (rng.random(len(streams.orientation)) < kept) & (np.abs(streams.orientation.t - 15.0) > 0.5 * (kept < 1.0))
-    found = estimate_delay(Streams(streams.wrench, streams.orientation.select(rows)), within=NEAR)
-    assert abs(found.value - 0.03) < 0.0003
-    assert abs(found.value - 0.03) < 4.0 * found.std
-    assert found.significant
+    rec = whole_arm(kind, 30.0, 4)
+    for jitter, kept in ((0.0, 1.0), (3e-4, 0.97), (1e-3, 1.0)):
+        rng = np.random.default_rng(4)
+        streams = with_joints(rec, 0.03, rng, jitter)
+        rows = (rng.random(len(streams.orientation)) < kept) & (
+            np.abs(streams.orientation.t - 15.0) > 0.5 * (kept < 1.0)
+        )
+        found = estimate_delay(Streams(streams.wrench, streams.orientation.select(rows)), within=NEAR)
+        assert abs(found.value - 0.03) < 0.0003
+        assert abs(found.value - 0.03) < 4.0 * found.std
+        assert found.significant
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "rate", "by"), [("vertical", 30.0, 3e-3), ("hand", 125.0, 1e-3)])
+@pytest.mark.parametrize(
+    ("kind", "rate", "by"), [("vertical", 30.0, 3e-3), ("tilted", 125.0, 1e-3), ("hand", 125.0, 1e-3)]
+)
 def test_poses_that_are_older_or_newer_than_their_stamps_say_tell_it(kind: str, rate: float, by: float) -> None:
     """By 1 ms: at 1 m/s a position is off by 1 mm then, and accelerations from three in a row by 30 m/s^2 and more."""
-    rng, rec = np.random.default_rng(17), whole_arm(kind, 30.0, 78)
-    t = np.arange(0.1, 29.9, 1.0 / rate)
+    rng, rec = np.random.default_rng(17), whole_arm(kind, 60.0, 78)
+    t = np.arange(0.1, 59.9, 1.0 / rate)
     read = t + by * rng.normal(size=len(t))
     joints = np.stack([np.interp(read, rec.t, angle) for angle in rec.joints.T], axis=1)
     R, position = flange_pose(known_arm("iiwa7"), joints)
-    found = estimate_delay(
-        Streams(WrenchStream(rec.t + 0.03, rec.wrench), OrientationStream(t, R, position)), within=NEAR
-    )
+    found = estimate_delay(Streams(WrenchStream(rec.t + 0.03, rec.wrench), OrientationStream(t, R, position)))
     assert found.reason is None
     assert abs(found.value - 0.03) < min(4e-4, 4.0 * found.std)
 
@@ -258,18 +261,20 @@ def test_an_arm_at_rest_tells_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_turning_about_the_vertical_tells_nothing() -> None:
-    streams = gravity_alone(1)
+@pytest.mark.parametrize("seed", range(2))
+def test_turning_about_the_vertical_tells_nothing(seed: int) -> None:
+    streams = gravity_alone(seed)
     about = Rotation.from_rotvec(np.sin(streams.orientation.t)[:, None] * [0.0, 0.0, 1.5])
     R = (about * Rotation.from_rotvec([0.5, 0.2, 0.0])).as_matrix()
-    noise = np.random.default_rng(1).normal(size=(len(R), 6))
+    noise = np.random.default_rng(seed).normal(size=(len(R), 6))
     _reason(_turned(_read(streams, noise), R))
 
 
 @pytest.mark.slow
-def test_readings_that_do_not_follow_tell_nothing() -> None:
-    streams = gravity_alone(1)
-    _reason(_read(streams, np.random.default_rng(1).normal(size=streams.wrench.wrench.shape)))
+@pytest.mark.parametrize("seed", range(2))
+def test_readings_that_do_not_follow_tell_nothing(seed: int) -> None:
+    streams = gravity_alone(seed)
+    _reason(_read(streams, np.random.default_rng(seed).normal(size=streams.wrench.wrench.shape)))
 
 
 def test_a_motion_that_repeats_itself_does_not_tell_which() -> None:

@@ -119,9 +119,8 @@ def untouched(
         of_hypotheses = solved(moments, kernels, priors, (likeliest, each), problem.noise, LOOK).log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
     members = solved(moments, kernels, priors, (k, h), problem.noise)
-    members = those_near(
-        replace(_sized(problem, Table(tool, priors, hypotheses, kept, kernels, members)), kernel=among[k])
-    )
+    members = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, members))
+    members = those_near(replace(members, kernel=among[k]))
     return Table(tool, priors, hypotheses, kept, problem.kernels, members)
 
 
