@@ -331,7 +331,9 @@ def test_a_heavy_tool_on_a_quiet_sensor_shows_no_gain() -> None:
 
 
 def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_backlash() -> None:
-    """0.6 N of 20: taken for a contact, in doubt, and the std tells of the 0.3 N by which the bias would be off."""
+    """0.6 N of 20: taken for a contact, in doubt, and the std is near the 0.3 N by which the bias would be off, as both
+    are about as likely: contacts are of any size, backlash about of this one.
+    """
     for seed in range(3):
         rig, _, rng = _rig(seed)
         rig, R = replace(rig, weight=20.0), SIX_SPREAD
@@ -345,7 +347,7 @@ def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_bac
             "record more poses"
         ) in calibration.warnings
         between = rig.bias[:3] + 0.5 * APART[:3]
-        assert np.linalg.norm(calibration.bias[:3] - between) < 2.2 * np.linalg.norm(calibration.std["bias"][:3])
+        assert np.linalg.norm(calibration.bias[:3] - between) < 1.5 * np.linalg.norm(calibration.std["bias"][:3])
 
 
 @pytest.mark.parametrize("seed", [64, 1, 2])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
-from .outliers import LEVEL_SHARE
+from .outliers import LEVEL_SHARE, log_half_normal
 
 STRENGTHS = np.geomspace(1.0, 1000.0, 7)
 """Standard deviation of the change over the whole recording, in units of a pose's noise: from what does not show to
@@ -125,7 +125,7 @@ class Kernels:
         of_drifts = np.array([SHARE_OF_WEIGHT.get(drift.kind, np.nan) for drift in self.drifts])
         share = strength * noise / (np.maximum(np.abs(weight), 1e-12) * of_drifts[self.drift[kernel]])
         even = 1.0 / (APART * np.array([len(drift.strengths) for drift in self.drifts]))  # density of the logarithm
-        plausible = np.log(np.sqrt(2.0 / np.pi) * share / even[self.drift[kernel]]) - 0.5 * share**2
+        plausible = log_half_normal(share) - np.log(even[self.drift[kernel]])
         return np.where(np.isnan(share), 0.0, plausible)
 
 

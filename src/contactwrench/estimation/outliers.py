@@ -30,7 +30,7 @@ single one may be, too, which nothing shows."""
 TWO_LEVELS = 0.4
 """Odds that there are two levels, before the readings; each pose is on either alike."""
 
-LEVEL_SHARE = 0.02
+LEVEL_SHARE = 0.0125
 """Of the weight: how far a level is off, the scale of a half-normal prior."""
 
 MOST_SCATTER = 3.0
@@ -38,6 +38,9 @@ MOST_SCATTER = 3.0
 
 WIDTHS = np.geomspace(3.5, 3500.0, 7)
 """Of the wide distribution, times the noise: one for all such poses, or one for each."""
+
+E_FOLDS = len(WIDTHS) * np.log(WIDTHS[1] / WIDTHS[0])
+"""Over which these spread the prior of how far off such a pose is."""
 
 WAYS_TO_TOUCH = 3.0
 """As widely off, each in its own way, or all by the same: alike before the readings."""
@@ -90,9 +93,14 @@ def probability_of_a_level(n: int, errors: Array, scale: Array, weight: float) -
     halfway = 0.5 * errors.mean(axis=0)
     force = max(float(np.linalg.norm(halfway[:3])), float(np.linalg.norm(halfway[3:])) / LEVER)
     share = force / (LEVEL_SHARE * max(abs(weight), 1e-12))
-    of_level = np.log(TWO_LEVELS) - (n - 1.0) * np.log(2.0) - 0.5 * share**2
-    of_contact = log_prior_outlying(n, k) - (np.log(WAYS_TO_TOUCH) if k > 1 else 0.0)
+    of_level = np.log(TWO_LEVELS) - (n - 1.0) * np.log(2.0) + float(log_half_normal(share))
+    of_contact = log_prior_outlying(n, k) - (np.log(WAYS_TO_TOUCH) if k > 1 else 0.0) - np.log(E_FOLDS)
     return float(1.0 / (1.0 + np.exp(min(of_contact - of_level, 700.0))))
+
+
+def log_half_normal(share: Array | float) -> Array:
+    """Logarithm of the half-normal prior, by the logarithm of the size, of what is `share` times its scale."""
+    return np.asarray(np.log(np.sqrt(2.0 / np.pi) * np.maximum(share, 1e-300)) - 0.5 * np.square(share))
 
 
 def alike(errors: Array) -> bool:
