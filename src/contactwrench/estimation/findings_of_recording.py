@@ -19,7 +19,7 @@ from ..samples.delay import TWO_CLOCKS, is_significant
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.recorded_poses import RecordedPoses
 from ..samples.samples import Samples, spikes
-from ..statistics import force_and_torque, two_digits
+from ..statistics import counted, force_and_torque, two_digits
 from .estimate import Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, SIGNIFICANCE, WARNING, WEAK, those_that_hold
 from .noise import PoseReadings, in_time, readings_of
@@ -30,6 +30,8 @@ MOST_MOVED = 1.0 / 3.0
 """Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
 LEAST_OF_PART, CHANGED = 3, 0.01
 """Poses before and after a change of the weight, at least, and of the weight."""
+MOST_FLIPS, UNEQUAL = 200, 4.0
+"""Poses that change sides in search of two weights; how much less than chance these must leave, as axes are unequal."""
 WEIGHT_AND_BIAS = (LINEAR_PARAMETERS[0], *LINEAR_PARAMETERS[4:])
 ALLOWED, NEGLIGIBLE = 3.0, 0.002
 """Standard deviations of the weight, and part of it: creep that makes it wrong by less than either is not said. No data
@@ -97,7 +99,9 @@ def of_estimate(
     whether the load was one.
     """
     changed = weight_changed(estimate, readings.select(estimate.kept), question, visits)
-    return of_delay(samples, estimate) + (changed or step_or_load(estimate, readings))
+    return of_delay(samples, estimate) + (
+        changed or step_or_load(estimate, readings) or two_weights(estimate, readings)
+    )
 
 
 def of_delay(samples: Samples, estimate: Estimate) -> list[Finding]:
@@ -257,3 +261,39 @@ def step_or_load(fit: Estimate, readings: PoseReadings) -> list[Finding]:
     )
     alike = misfit < float(chdtri(max(3.0 * n - 13.0, 1.0), SIGNIFICANCE))
     return those_that_hold([(alike and abs(share) > CHANGED, DOUBTFUL, Kind.WEIGHT_CHANGED, text)])
+
+
+def two_weights(fit: Estimate, readings: PoseReadings) -> list[Finding]:
+    """That the forces of all `readings` that are kept show two weights, in any order, better than by chance and than a
+    bias in two levels. With half of the poses on each, none is an outlier, and the weight found is nobody's.
+    """
+    n = int(fit.kept.sum())
+    if not isinstance(fit, RigidEstimate) or n < 2 * LEAST_OF_PART:
+        return []
+    r = gravity_in_flange(readings.R_base_flange[fit.kept], fit.gravity_direction)
+    basis, pull = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q, r @ fit.B[:3, :3].T
+    left = (readings.wrench - fit.change)[fit.kept, :3]
+    left -= basis @ (basis.T @ left)
+    size, match, of_basis = np.sum(pull**2, axis=1), np.sum(pull * left, axis=1), basis[:, :, None] * pull[:, None]
+    heavier, least = match > 0.0, 1e-6 * size.mean() + 1e-300
+    for _ in range(MOST_FLIPS):
+        flip = np.r_[0.0, 1.0 - 2.0 * heavier]  # no pose, or one of them
+        pulls = heavier @ match + flip * np.r_[0.0, match]
+        of_set = np.tensordot(heavier, of_basis, 1) + flip[:, None, None] * np.r_[0.0 * of_basis[:1], of_basis]
+        own = np.maximum(heavier @ size + flip * np.r_[0.0, size] - np.sum(of_set**2, axis=(1, 2)), least)
+        if not (best := int(np.argmax(explained := pulls**2 / own))):
+            break
+        heavier[best - 1] ^= True
+    share, by_weights = float(pulls[0] / own[0]), float(explained[0])
+    level = heavier - basis @ (basis.T @ heavier)
+    by_levels = float(np.sum((level @ left) ** 2) / max(level @ level, 1e-300))
+    ratio = 1.0 / max(1.0 - by_weights / max(float(np.sum(left**2)), 1e-300), 1e-12)
+    by_chance = (n - 1.0) * np.log(2.0) - 0.5 * (3.0 * n - 13.0) * np.log(ratio / UNEQUAL)
+    part = heavier if 2 * heavier.sum() <= n else ~heavier
+    numbers = [str(1 + k) for k in np.flatnonzero(fit.kept)[part]]
+    more = f" and {counted(len(numbers) - MOST_NAMED, 'more pose')}" if len(numbers) > MOST_NAMED else ""
+    by = f"{two_digits(abs(share) * fit.weight_scale)} N {'more' if (part is heavier) == (share > 0.0) else 'less'}"
+    text = f"the tool weighs {by} in pose {', '.join(numbers[:MOST_NAMED])}{more} than in the others: "
+    text += "something was held or touched; calibrate the poses without it alone"
+    sure = by_chance < np.log(SIGNIFICANCE) and by_weights > by_levels and part.sum() >= LEAST_OF_PART
+    return those_that_hold([(bool(sure) and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text)])
