@@ -98,10 +98,18 @@ def of_estimate(
     """What of a recording, its poses' `readings` and the `visits` to them, the estimate leaves in doubt: its delay, and
     whether the load was one.
     """
-    changed = weight_changed(estimate, readings.select(estimate.kept), question, visits)
-    return of_delay(samples, estimate) + (
-        changed or step_or_load(estimate, readings) or two_weights(estimate, readings)
-    )
+    if not isinstance(estimate, RigidEstimate):
+        return of_delay(samples, estimate)
+    R, force, number = readings.R_base_flange, (readings.wrench - estimate.change)[:, :3], np.flatnonzero(estimate.kept)
+    if visits is not None and not estimate.bias_moved:
+        visited = readings_of(in_time(visits), True)
+        nearest = np.einsum("vij,pij->vp", visited.R_base_flange, R[number]).max(axis=1)
+        number = np.flatnonzero(nearest > 1.0 + 2.0 * np.cos(SAME_POSE_ANGLE))
+        R, force = visited.R_base_flange, visited.wrench[:, :3]
+    R, force = R[number], force[number]
+    changed = [] if question.earlier is not None else weight_changed(estimate, R, force)
+    changed = changed or step_or_load(estimate, readings) or two_weights(estimate, R, force, number)
+    return of_delay(samples, estimate) + changed
 
 
 def of_delay(samples: Samples, estimate: Estimate) -> list[Finding]:
@@ -199,26 +207,15 @@ def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     return samples.select(free), (*findings, Finding(Kind.LOADED_ROWS, Severity.REFUSED, text))
 
 
-def weight_changed(
-    fit: Estimate, readings: PoseReadings, question: Question, visits: tuple[Pose, ...] | None
-) -> list[Finding]:
-    """That from some pose on the force has another share of the weight, beyond what a force matrix explains (t test):
-    of `readings`, those kept, or of the `visits` to them, where some have more than one.
+def weight_changed(fit: RigidEstimate, R_base_flange: Array, force: Array) -> list[Finding]:
+    """That from some visit to a pose on the `force` (n, 3) has another share of the weight, beyond what a force matrix
+    explains (t test).
     """
     from scipy.special import stdtr
 
-    if not isinstance(fit, RigidEstimate) or question.earlier is not None:
-        return []
-    left = readings.wrench - fit.change[fit.kept]
-    if visits is not None and not fit.bias_moved:
-        every = readings_of(in_time(visits), True)
-        nearest = np.einsum("vij,pij->vp", every.R_base_flange, readings.R_base_flange).max(axis=1)
-        readings = every.select(nearest > 1.0 + 2.0 * np.cos(SAME_POSE_ANGLE))
-        left = readings.wrench
-    n = len(readings)
-    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
+    n, r = len(force), gravity_in_flange(R_base_flange, fit.gravity_direction)
     basis = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q
-    pull, left = r @ fit.B[:3, :3].T, left[:, :3] - basis @ (basis.T @ left[:, :3])
+    pull, left = r @ fit.B[:3, :3].T, force - basis @ (basis.T @ force)
     square, dof = float(np.sum(left**2)), max(3.0 * n - 13.0, 1.0)
     of_basis, size, match = (
         np.cumsum(each[::-1], axis=0)[::-1]  # of the poses from each one on
@@ -237,13 +234,13 @@ def weight_changed(
     return those_that_hold([(by_chance < SIGNIFICANCE and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text)])
 
 
-def step_or_load(fit: Estimate, readings: PoseReadings) -> list[Finding]:
+def step_or_load(fit: RigidEstimate, readings: PoseReadings) -> list[Finding]:
     """That the bias stepped, where another load from that pose on would leave as little of the forces of all `readings`
     that are kept: in a cone gravity pulls in one direction, and both are a change in that.
     """
     from scipy.special import chdtri
 
-    drift = fit.beliefs.drift if isinstance(fit, RigidEstimate) and fit.beliefs is not None else None
+    drift = None if fit.beliefs is None else fit.beliefs.drift
     if drift is None or drift.first_after is None or not fit.bias_moved:
         return []
     kept = readings.select(fit.kept)
@@ -263,17 +260,15 @@ def step_or_load(fit: Estimate, readings: PoseReadings) -> list[Finding]:
     return those_that_hold([(alike and abs(share) > CHANGED, DOUBTFUL, Kind.WEIGHT_CHANGED, text)])
 
 
-def two_weights(fit: Estimate, readings: PoseReadings) -> list[Finding]:
-    """That the forces of all `readings` that are kept show two weights, in any order, better than by chance and than a
-    bias in two levels. With half of the poses on each, none is an outlier, and the weight found is nobody's.
+def two_weights(fit: RigidEstimate, R_base_flange: Array, force: Array, number: NDArray[np.intp]) -> list[Finding]:
+    """That the `force` (n, 3) on visits, of this `number`, shows two weights, in any order, better than by chance and
+    than a bias in two levels. With half of the poses on each, none is an outlier, and the weight found is nobody's.
     """
-    n = int(fit.kept.sum())
-    if not isinstance(fit, RigidEstimate) or n < 2 * LEAST_OF_PART:
+    n, r = len(force), gravity_in_flange(R_base_flange, fit.gravity_direction)
+    if n < 2 * LEAST_OF_PART:
         return []
-    r = gravity_in_flange(readings.R_base_flange[fit.kept], fit.gravity_direction)
     basis, pull = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q, r @ fit.B[:3, :3].T
-    left = (readings.wrench - fit.change)[fit.kept, :3]
-    left -= basis @ (basis.T @ left)
+    left = force - basis @ (basis.T @ force)
     size, match, of_basis = np.sum(pull**2, axis=1), np.sum(pull * left, axis=1), basis[:, :, None] * pull[:, None]
     heavier, least = match > 0.0, 1e-6 * size.mean() + 1e-300
     for _ in range(MOST_FLIPS):
@@ -290,10 +285,10 @@ def two_weights(fit: Estimate, readings: PoseReadings) -> list[Finding]:
     ratio = 1.0 / max(1.0 - by_weights / max(float(np.sum(left**2)), 1e-300), 1e-12)
     by_chance = (n - 1.0) * np.log(2.0) - 0.5 * (3.0 * n - 13.0) * np.log(ratio / UNEQUAL)
     part = heavier if 2 * heavier.sum() <= n else ~heavier
-    numbers = [str(1 + k) for k in np.flatnonzero(fit.kept)[part]]
-    more = f" and {counted(len(numbers) - MOST_NAMED, 'more pose')}" if len(numbers) > MOST_NAMED else ""
+    numbers, what = [str(1 + k) for k in number[part]], "pose" if n == fit.kept.sum() else "visit"
+    more = f" and {counted(len(numbers) - MOST_NAMED, 'more ' + what)}" if len(numbers) > MOST_NAMED else ""
     by = f"{two_digits(abs(share) * fit.weight_scale)} N {'more' if (part is heavier) == (share > 0.0) else 'less'}"
-    text = f"the tool weighs {by} in pose {', '.join(numbers[:MOST_NAMED])}{more} than in the others: "
+    text = f"the tool weighs {by} in {what} {', '.join(numbers[:MOST_NAMED])}{more} than in the others: "
     text += "something was held or touched; calibrate the poses without it alone"
     sure = by_chance < np.log(SIGNIFICANCE) and by_weights > by_levels and part.sum() >= LEAST_OF_PART
     return those_that_hold([(bool(sure) and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text)])
