@@ -46,6 +46,27 @@ def test_a_weight_that_changes_is_said(poses: int, share: float) -> None:
     assert calibration.verdict == "weak"
 
 
+@pytest.mark.parametrize(("poses", "share"), [(8, -0.2), (13, 0.1), (24, -0.05)])
+def test_a_part_held_in_every_second_pose_is_said(poses: int, share: float) -> None:
+    rig, R, rng = example(poses, poses)
+    wrench = noisy(rig, R, rng, 0.3 * NOISE).wrench + _lighter(rig, R, np.where(np.arange(poses) % 2, share, 0.0))
+    calibration = cw.calibrate(cw.Samples(wrench, R))
+    (said,) = _of(calibration, Kind.WEIGHT_CHANGED)
+    assert said.text.startswith("weak: the tool weighs ")
+    assert f"N {'less' if share > 0.0 else 'more'} in pose 2, 4, 6 and {poses // 2 - 3} more pose" in said.text
+    assert float(said.text.split()[4]) == pytest.approx(abs(share) * rig.weight, rel=0.3)
+    assert _of(cw.calibrate(noisy(rig, R, rng)), Kind.WEIGHT_CHANGED) == []
+
+
+def test_a_part_held_on_one_of_two_visits_to_each_pose_is_said() -> None:
+    rig, R, rng = example(5, 9)
+    R = np.concatenate([R, R])
+    wrench = noisy(rig, R, rng, 0.3 * NOISE).wrench + _lighter(rig, R, np.where(np.arange(18) % 2, -0.1, 0.0))
+    (said,) = _of(cw.calibrate(cw.Samples(wrench, R, 20.0 * np.arange(18.0))), Kind.WEIGHT_CHANGED)
+    assert " in visit " in said.text
+    assert _of(cw.calibrate(noisy(rig, R, rng)), Kind.WEIGHT_CHANGED) == []
+
+
 @pytest.mark.parametrize("timed", [True, False])
 def test_a_weight_that_changes_between_two_rounds_of_the_same_poses_is_said(timed: bool) -> None:
     rig, R, rng = example(7, 10)

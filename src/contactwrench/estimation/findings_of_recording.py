@@ -19,7 +19,7 @@ from ..samples.delay import TWO_CLOCKS, is_significant
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.recorded_poses import RecordedPoses
 from ..samples.samples import Samples, spikes
-from ..statistics import force_and_torque, two_digits
+from ..statistics import counted, force_and_torque, two_digits
 from .estimate import Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, SIGNIFICANCE, WARNING, WEAK, those_that_hold
 from .noise import PoseReadings, in_time, readings_of
@@ -30,6 +30,8 @@ MOST_MOVED = 1.0 / 3.0
 """Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
 LEAST_OF_PART, CHANGED = 3, 0.01
 """Poses before and after a change of the weight, at least, and of the weight."""
+MOST_FLIPS, UNEQUAL = 200, 4.0
+"""Poses that change sides in search of two weights; how much less than chance these must leave, as axes are unequal."""
 WEIGHT_AND_BIAS = (LINEAR_PARAMETERS[0], *LINEAR_PARAMETERS[4:])
 ALLOWED, NEGLIGIBLE = 3.0, 0.002
 """Standard deviations of the weight, and part of it: creep that makes it wrong by less than either is not said. No data
@@ -96,8 +98,18 @@ def of_estimate(
     """What of a recording, its poses' `readings` and the `visits` to them, the estimate leaves in doubt: its delay, and
     whether the load was one.
     """
-    changed = weight_changed(estimate, readings.select(estimate.kept), question, visits)
-    return of_delay(samples, estimate) + (changed or step_or_load(estimate, readings))
+    if not isinstance(estimate, RigidEstimate):
+        return of_delay(samples, estimate)
+    R, force, number = readings.R_base_flange, (readings.wrench - estimate.change)[:, :3], np.flatnonzero(estimate.kept)
+    if visits is not None and not estimate.bias_moved:
+        visited = readings_of(in_time(visits), True)
+        nearest = np.einsum("vij,pij->vp", visited.R_base_flange, R[number]).max(axis=1)
+        number = np.flatnonzero(nearest > 1.0 + 2.0 * np.cos(SAME_POSE_ANGLE))
+        R, force = visited.R_base_flange, visited.wrench[:, :3]
+    R, force = R[number], force[number]
+    changed = [] if question.earlier is not None else weight_changed(estimate, R, force)
+    changed = changed or step_or_load(estimate, readings) or two_weights(estimate, R, force, number)
+    return of_delay(samples, estimate) + changed
 
 
 def of_delay(samples: Samples, estimate: Estimate) -> list[Finding]:
@@ -195,26 +207,15 @@ def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     return samples.select(free), (*findings, Finding(Kind.LOADED_ROWS, Severity.REFUSED, text))
 
 
-def weight_changed(
-    fit: Estimate, readings: PoseReadings, question: Question, visits: tuple[Pose, ...] | None
-) -> list[Finding]:
-    """That from some pose on the force has another share of the weight, beyond what a force matrix explains (t test):
-    of `readings`, those kept, or of the `visits` to them, where some have more than one.
+def weight_changed(fit: RigidEstimate, R_base_flange: Array, force: Array) -> list[Finding]:
+    """That from some visit to a pose on the `force` (n, 3) has another share of the weight, beyond what a force matrix
+    explains (t test).
     """
     from scipy.special import stdtr
 
-    if not isinstance(fit, RigidEstimate) or question.earlier is not None:
-        return []
-    left = readings.wrench - fit.change[fit.kept]
-    if visits is not None and not fit.bias_moved:
-        every = readings_of(in_time(visits), True)
-        nearest = np.einsum("vij,pij->vp", every.R_base_flange, readings.R_base_flange).max(axis=1)
-        readings = every.select(nearest > 1.0 + 2.0 * np.cos(SAME_POSE_ANGLE))
-        left = readings.wrench
-    n = len(readings)
-    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
+    n, r = len(force), gravity_in_flange(R_base_flange, fit.gravity_direction)
     basis = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q
-    pull, left = r @ fit.B[:3, :3].T, left[:, :3] - basis @ (basis.T @ left[:, :3])
+    pull, left = r @ fit.B[:3, :3].T, force - basis @ (basis.T @ force)
     square, dof = float(np.sum(left**2)), max(3.0 * n - 13.0, 1.0)
     of_basis, size, match = (
         np.cumsum(each[::-1], axis=0)[::-1]  # of the poses from each one on
@@ -233,13 +234,13 @@ def weight_changed(
     return those_that_hold([(by_chance < SIGNIFICANCE and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text)])
 
 
-def step_or_load(fit: Estimate, readings: PoseReadings) -> list[Finding]:
+def step_or_load(fit: RigidEstimate, readings: PoseReadings) -> list[Finding]:
     """That the bias stepped, where another load from that pose on would leave as little of the forces of all `readings`
     that are kept: in a cone gravity pulls in one direction, and both are a change in that.
     """
     from scipy.special import chdtri
 
-    drift = fit.beliefs.drift if isinstance(fit, RigidEstimate) and fit.beliefs is not None else None
+    drift = None if fit.beliefs is None else fit.beliefs.drift
     if drift is None or drift.first_after is None or not fit.bias_moved:
         return []
     kept = readings.select(fit.kept)
@@ -257,3 +258,37 @@ def step_or_load(fit: Estimate, readings: PoseReadings) -> list[Finding]:
     )
     alike = misfit < float(chdtri(max(3.0 * n - 13.0, 1.0), SIGNIFICANCE))
     return those_that_hold([(alike and abs(share) > CHANGED, DOUBTFUL, Kind.WEIGHT_CHANGED, text)])
+
+
+def two_weights(fit: RigidEstimate, R_base_flange: Array, force: Array, number: NDArray[np.intp]) -> list[Finding]:
+    """That the `force` (n, 3) on visits, of this `number`, shows two weights, in any order, better than by chance and
+    than a bias in two levels. With half of the poses on each, none is an outlier, and the weight found is nobody's.
+    """
+    n, r = len(force), gravity_in_flange(R_base_flange, fit.gravity_direction)
+    if n < 2 * LEAST_OF_PART:
+        return []
+    basis, pull = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q, r @ fit.B[:3, :3].T
+    left = force - basis @ (basis.T @ force)
+    size, match, of_basis = np.sum(pull**2, axis=1), np.sum(pull * left, axis=1), basis[:, :, None] * pull[:, None]
+    heavier, least = match > 0.0, 1e-6 * size.mean() + 1e-300
+    for _ in range(MOST_FLIPS):
+        flip = np.r_[0.0, 1.0 - 2.0 * heavier]  # no pose, or one of them
+        pulls = heavier @ match + flip * np.r_[0.0, match]
+        of_set = np.tensordot(heavier, of_basis, 1) + flip[:, None, None] * np.r_[0.0 * of_basis[:1], of_basis]
+        own = np.maximum(heavier @ size + flip * np.r_[0.0, size] - np.sum(of_set**2, axis=(1, 2)), least)
+        if not (best := int(np.argmax(explained := pulls**2 / own))):
+            break
+        heavier[best - 1] ^= True
+    share, by_weights = float(pulls[0] / own[0]), float(explained[0])
+    level = heavier - basis @ (basis.T @ heavier)
+    by_levels = float(np.sum((level @ left) ** 2) / max(level @ level, 1e-300))
+    ratio = 1.0 / max(1.0 - by_weights / max(float(np.sum(left**2)), 1e-300), 1e-12)
+    by_chance = (n - 1.0) * np.log(2.0) - 0.5 * (3.0 * n - 13.0) * np.log(ratio / UNEQUAL)
+    part = heavier if 2 * heavier.sum() <= n else ~heavier
+    numbers, what = [str(1 + k) for k in number[part]], "pose" if n == fit.kept.sum() else "visit"
+    more = f" and {counted(len(numbers) - MOST_NAMED, 'more ' + what)}" if len(numbers) > MOST_NAMED else ""
+    by = f"{two_digits(abs(share) * fit.weight_scale)} N {'more' if (part is heavier) == (share > 0.0) else 'less'}"
+    text = f"the tool weighs {by} in {what} {', '.join(numbers[:MOST_NAMED])}{more} than in the others: "
+    text += "something was held or touched; calibrate the poses without it alone"
+    sure = by_chance < np.log(SIGNIFICANCE) and by_weights > by_levels and part.sum() >= LEAST_OF_PART
+    return those_that_hold([(bool(sure) and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text)])
