@@ -76,6 +76,16 @@ def test_a_moving_arm_whose_times_are_no_seconds_is_refused(tmp_path: Path, unit
     assert cw.calibrate(read(tmp_path / "poses.csv", table[5::40])[0]).weight == pytest.approx(10.0, abs=0.5)
 
 
+def test_an_orientation_that_comes_more_rarely_than_readings_turned_since_it_came(tmp_path: Path) -> None:
+    """At 4 Hz beside readings at 125 Hz, of an arm that turns by 19 deg in between: no row of 8 ms has such a turn."""
+    t = np.arange(0.0, 20.0, 0.008)
+    turned = Rotation.from_euler("x", 76.0 * (t - t % 0.248)[:, None], degrees=True) * Rotation.from_euler("y", 0.7)
+    wrench = np.hstack([turned.inv().apply([0.0, 0.0, -10.0]), np.zeros((len(t), 3))])
+    wrench += ZERO + np.random.default_rng(1).normal(size=(len(t), 6)) * 0.05
+    table = np.column_stack([t, wrench, turned.as_quat()])
+    assert cw.calibrate(read(tmp_path / "rare.csv", table)[0], "mount").weight == pytest.approx(10.0, abs=0.1)
+
+
 def test_a_header_in_the_middle_is_named(tmp_path: Path) -> None:
     path = tmp_path / "appended.csv"
     read(path, rows(1, 10.0))

@@ -192,10 +192,14 @@ def _too_many(samples: Samples, count: int) -> InputError:
 
 
 def _require_seconds(samples: Samples, count: int) -> None:
-    """Raise `InputError` where rows follow an arm that by their times turns faster than any does."""
+    """Raise `InputError` where rows follow an arm that by their times turns faster than any does. An orientation that
+    comes more rarely than the readings has turned since it came.
+    """
     if samples.t is None or count <= MANY_IN_NO_TIME or not _follows_the_arm(samples.R_base_flange):
         return
-    turn, step = angles_between(samples.R_base_flange[:-1], samples.R_base_flange[1:]), np.abs(np.diff(samples.t))
+    came = np.r_[True, (np.diff(samples.R_base_flange, axis=0) != 0.0).any(axis=(1, 2))]
+    R, t = samples.R_base_flange[came], samples.t[came]
+    turn, step = angles_between(R[:-1], R[1:]), np.abs(np.diff(t))
     too_fast = turn > FASTEST_TURN * step
     if (turned := float(turn[too_fast].sum())) > 0.5 * float(turn.sum()):
         took = float(step[too_fast].sum())
