@@ -111,8 +111,9 @@ def usage(process: subprocess.Popen[str]) -> tuple[float, float]:
 def late(came: NDArray[np.float64], device: NDArray[np.float64]) -> NDArray[np.float64]:
     """s by which lines came after the samples could have arrived at best."""
     clock = Clock()
-    best = [t for t, _ in clock.times(list(zip(came.tolist(), device.tolist(), strict=True)))]
-    return came - np.array(best)
+    times = clock.times(list(zip(came.tolist(), device.tolist(), strict=True)))
+    best: NDArray[np.float64] = np.array([t for t, _ in times])
+    return came - best
 
 
 def shown(name: str, seconds: NDArray[np.float64]) -> None:
