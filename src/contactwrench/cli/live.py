@@ -129,7 +129,7 @@ def live(
         if first:
             stack.callback(_as_others)
         serves, aside = partial(serve, hub, host, port, lab=hands) if page else None, _as_others if first else None
-        inertia = known is not None and known.dynamics is not None
+        inertia = None if known is None else known.dynamics is not None
         before = stack.enter_context(Before(words, sources, hub, serves, aside, inertia))
         if known is not None:
             before.compile(LOADED)  # before anything comes that could not be taken meanwhile

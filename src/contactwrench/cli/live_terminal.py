@@ -52,7 +52,8 @@ def compile_now(before: Before) -> None:
     if before.aside is not None:
         before.aside()
     if has_compiler():
-        compiled(before.inertia)
+        for inertia in (False, True) if before.inertia is None else (before.inertia,):
+            compiled(inertia)
         settle()
 
 
@@ -65,7 +66,7 @@ def settle() -> None:
 class Before:
     """Until the session begins, in a `with` block that ends with it: whether events are `printed`, as JSON, in words;
     `devices` by role; the page's `hub`, and what serves it, if any; what lets a thread run behind others, if anything;
-    whether the tool's `inertia` is known.
+    whether the tool's `inertia` is known, None: the fit will tell.
     """
 
     def __init__(
@@ -75,7 +76,7 @@ class Before:
         hub: Hub,
         serve: Callable[[], Server] | None,
         aside: Callable[[], None] | None,
-        inertia: bool,
+        inertia: bool | None,
     ) -> None:
         self._printed, self._devices, self._hub, self._served_by = printed, devices, hub, serve
         self.aside, self.inertia = aside, inertia
