@@ -111,7 +111,8 @@ def usage(process: subprocess.Popen[str]) -> tuple[float, float]:
 def late(came: NDArray[np.float64], device: NDArray[np.float64]) -> NDArray[np.float64]:
     """s by which lines came after the samples could have arrived at best."""
     clock = Clock()
-    best: NDArray[np.float64] = np.array(clock.times(list(zip(came.tolist(), device.tolist(), strict=True))))
+    times = clock.times(list(zip(came.tolist(), device.tolist(), strict=True)))
+    best: NDArray[np.float64] = np.array([t for t, _ in times])
     return came - best
 
 

@@ -129,7 +129,8 @@ def live(
         if first:
             stack.callback(_as_others)
         serves, aside = partial(serve, hub, host, port, lab=hands) if page else None, _as_others if first else None
-        before = stack.enter_context(Before(words, sources, hub, serves, aside))
+        inertia = None if known is None else known.dynamics is not None
+        before = stack.enter_context(Before(words, sources, hub, serves, aside, inertia))
         if known is not None:
             before.compile(LOADED)  # before anything comes that could not be taken meanwhile
         readers = {role: _read(source, role, len(sources) == 1, stack, before) for role, source in sources.items()}

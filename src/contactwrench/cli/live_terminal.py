@@ -45,14 +45,15 @@ def say(as_json: bool, in_words: bool, said: Said) -> None:
         options.say(f"{when}  {'' if said.severity == 'note' else said.severity + ': '}{where}{said.text}", err=True)
 
 
-def compile_now(aside: Callable[[], None] | None) -> None:
-    """Compile the step, where there is a compiler, after `aside`."""
+def compile_now(before: Before) -> None:
+    """Compile the step that a session needs, where there is a compiler, aside."""
     from ..compensate.runner import compiled
 
-    if aside is not None:
-        aside()
+    if before.aside is not None:
+        before.aside()
     if has_compiler():
-        compiled()
+        for inertia in (False, True) if before.inertia is None else (before.inertia,):
+            compiled(inertia)
         settle()
 
 
@@ -64,7 +65,8 @@ def settle() -> None:
 
 class Before:
     """Until the session begins, in a `with` block that ends with it: whether events are `printed`, as JSON, in words;
-    `devices` by role; the page's `hub`, and what serves it, if any; what lets a thread run behind others, if anything.
+    `devices` by role; the page's `hub`, and what serves it, if any; what lets a thread run behind others, if anything;
+    whether the tool's `inertia` is known, None: the fit will tell.
     """
 
     def __init__(
@@ -74,12 +76,14 @@ class Before:
         hub: Hub,
         serve: Callable[[], Server] | None,
         aside: Callable[[], None] | None,
+        inertia: bool | None,
     ) -> None:
         self._printed, self._devices, self._hub, self._served_by = printed, devices, hub, serve
+        self.aside, self.inertia = aside, inertia
         self._told: list[Said] = []
         self._server: Server | None = None
         self._is_told, self._begun = False, Event()
-        self._compiles = Thread(target=lambda: compile_now(aside), name="compiles", daemon=True)
+        self._compiles = Thread(target=lambda: compile_now(self), name="compiles", daemon=True)
         self._snapshots = Thread(target=self._publish, name="before a session", daemon=True)
 
     def __enter__(self) -> Self:

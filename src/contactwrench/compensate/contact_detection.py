@@ -93,7 +93,7 @@ def far(s: State) -> bool:
 
 
 @kernel
-def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
+def renew_covariance(s: State, sample: Sample, restart: bool, inertia: bool | None) -> None:
     """The covariance of the contact wrench where and when the sample comes; one with which all starts anew ends it."""
     if restart:
         s.since_fresh = s.clean_blocks = 0
@@ -111,7 +111,7 @@ def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
     for k in range(6):
         s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k]) if s.knows_noise else nan
     whiten(s.systematic, s.noise_left, s.whitening)
-    if s.knows_inertia:
+    if inertia is not None:
         whiten_shaking(s)
     else:
         whiten_turn(s)

@@ -93,9 +93,9 @@ def lose_place(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
 
 
 @kernel
-def take_pose(s: State, sample: Sample, ring: Matrix, width: int) -> None:
+def take_pose(s: State, sample: Sample, ring: Matrix, width: int, inertia: bool | None) -> None:
     """Take a pose that comes by itself, `sample.passed` s after the one before."""
-    if not s.knows_inertia:
+    if inertia is None:
         return
     R = s.R
     squared = from_quaternion(sample.orientation, R) if width == 4 else from_matrix(sample.orientation, R)

@@ -132,7 +132,7 @@ class Plain:
     def __init__(self, state: State, ring: Array) -> None:
         self.state: Any = state
         self.sample: Any = Sample()
-        self._given = [state], [self.sample], ring.tolist()
+        self._given, self._inertia = ([state], [self.sample], ring.tolist()), state.knows_inertia or None
 
     def told(self) -> tuple[Any, ...]:
         """`TOLD` of the last sample."""
@@ -144,7 +144,7 @@ class Plain:
         sample = self.sample
         sample.told, sample.reading, sample.orientation = told.tolist(), reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
-        take(*self._given, turn.size, 0)
+        take(*self._given, turn.size, 0, self._inertia)
         return sample.said, read_only(sample.wrench)
 
     def std(self) -> Array:
@@ -157,7 +157,7 @@ class Plain:
         sample.orientation, sample.told = turn.ravel().tolist(), place.tolist()
         sample.time, sample.passed = t, passed
         try:
-            take(*self._given, turn.size, 0)
+            take(*self._given, turn.size, 0, self._inertia)
         finally:
             sample.passed = nan
 
@@ -168,7 +168,7 @@ class Plain:
         for values in zip(*(samples[name][rows].tolist() for name in TAKEN_IN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature, *moved = values
             sample.told, sample.passed, sample.motion, sample.motion_variance = moved
-            take(states, [sample], ring, width, 0)
+            take(states, [sample], ring, width, 0, self._inertia)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
                 break
@@ -188,8 +188,9 @@ class Compiled:
 
     def __setstate__(self, arrays: tuple[NDArray[Any], ...]) -> None:
         self._record, self._samples, self._ring = arrays
-        self._advance = compiled()
         self.state: Any = self._record.view(np.recarray)[0]
+        self._inertia = bool(self.state.knows_inertia) or None
+        self._advance = compiled(bool(self._inertia))
         self.sample: Any = self._samples.view(np.recarray)[0]
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
         self._motion_told, self._std = self.sample.told, self.sample.wrench_std
@@ -211,7 +212,7 @@ class Compiled:
         self._reading[...] = reading
         self._turns[width][...] = turn
         self._time[0], self._temperature[0] = t, temperature
-        self._advance(self._record, self._samples, self._ring, width, 0)
+        self._advance(self._record, self._samples, self._ring, width, 0, self._inertia)
         if told is not NOTHING_TOLD:
             self._motion_told[...] = nan
         return self._said.item(), np.frombuffer(self._wrench.tobytes())
@@ -226,12 +227,12 @@ class Compiled:
         self._motion_told[...] = place
         self._turns[width][...] = turn
         self._time[0], self._passed[0] = t, passed
-        self._advance(self._record, self._samples, self._ring, width, 0)
+        self._advance(self._record, self._samples, self._ring, width, 0, self._inertia)
         self._passed[0] = self._motion_told[...] = nan
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the end or the first with an event; how many are taken."""
-        return self._advance(self._record, samples, self._ring, width, begin)
+        return self._advance(self._record, samples, self._ring, width, begin, self._inertia)
 
 
 def steps_of(fast: bool | None) -> type[Plain] | type[Compiled]:
@@ -242,29 +243,34 @@ def steps_of(fast: bool | None) -> type[Plain] | type[Compiled]:
 
 
 @cache
-def compiled() -> Callable[..., int]:
-    """`take` of the step, compiled by numba over records and arrays. Raises `MissingExtraError` without it, and
-    `InputError` where it is switched off.
+def compiled(inertia: bool = False) -> Callable[..., int]:
+    """`take` of the step, compiled by numba over records and arrays: of a tool whose inertia is known, or without
+    it, in two thirds of the time. Raises `MissingExtraError` without numba, and `InputError` where it is switched off.
     """
     try:
         import numba
         from numba import types
-        from numba.extending import register_jitable
     except ImportError:
         raise MissingExtraError(
             "numba is not installed, expected for a compiled step: pip install 'contactwrench[fast]'"
         ) from None
     if not has_compiler():
         raise InputError("NUMBA_DISABLE_JIT is set, expected not with fast=True: unset it, or leave fast out")
+    state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
+    arguments = (state[::1], sample[::1], rows, types.int64, types.int64, types.boolean if inertia else types.none)
+    with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
+        return compiled_by_numba(taking(_told_to_numba()), arguments, nogil=True, error_model="numpy")
+
+
+@cache
+def _told_to_numba() -> str:
+    """Let numba compile the kernel's functions; a digest of their files."""
+    from numba.extending import register_jitable
+
     for function in KERNEL:
         register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
-    state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
-    arguments = (state[::1], sample[::1], rows, types.int64, types.int64)
     homes = {function.__module__ for function in KERNEL} | {State.__module__}  # which has constants of them all
-    sources = [getsource(sys.modules[name]) for name in sorted(homes)]
-    digest = sha256("".join(sources).encode()).hexdigest()
-    with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
-        return compiled_by_numba(taking(digest), arguments, nogil=True, error_model="numpy")
+    return sha256("".join(getsource(sys.modules[name]) for name in sorted(homes)).encode()).hexdigest()
 
 
 @contextmanager

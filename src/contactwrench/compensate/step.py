@@ -33,11 +33,14 @@ def taking(digest: str) -> Callable[..., int]:
     each that is above it.
     """
 
-    def take(states: Sequence[State], samples: Sequence[Sample], ring: Matrix, width: int, begin: int) -> int:
+    def take(
+        states: Sequence[State], samples: Sequence[Sample], ring: Matrix, width: int, begin: int, inertia: bool | None
+    ) -> int:
         """Take samples from `begin` on, to the first with an event, with orientations of `width` 4 or 9 numbers; how
         many are taken.
 
         `ring` (k, 7 or 24): times and directions of down, for a delay; times and terms of the motion, and what is felt.
+        `inertia`: None where the state knows none: by its type numba leaves out all that is of one, a third of all.
         """
         digest  # noqa: B018
         s = states[0]
@@ -45,7 +48,7 @@ def taking(digest: str) -> Callable[..., int]:
             sample = samples[i]
             sample.events, sample.contact = 0, NOT_JUDGED
             if sample.passed == sample.passed:
-                take_pose(s, sample, ring, width)
+                take_pose(s, sample, ring, width, inertia)
                 continue
             fault, detail, channel = unreadable(s, sample, width)
             if fault == FINE:
@@ -53,7 +56,7 @@ def taking(digest: str) -> Callable[..., int]:
                 interruption = BACK if passed < 0.0 else GAP if passed > s.longest_gap else FINE
                 restart = interruption != FINE or s.time != s.time
                 if restart or s.stale or (changed and far(s)):
-                    renew_covariance(s, sample, restart)
+                    renew_covariance(s, sample, restart, inertia)
                 arrive(s, sample, restart)
                 fault, detail, channel = standing_still(s, sample, changed)
                 if interruption != FINE:
@@ -65,11 +68,11 @@ def taking(digest: str) -> Callable[..., int]:
                     fault, detail = NO_PAST, s.past
                 recovers = s.fresh != 0 and fault < STUCK
                 look_down(s, ring, now, fresh_pose)
-                if s.knows_inertia:
+                if inertia is not None:
                     follow_motion(s, sample, ring, fresh_pose)
                     terms_then(s, ring, now, fresh_pose)
-                compensate(s, sample, restart or recovers, fresh_pose)
-                weigh(s, sample, passed, restart or recovers, fresh_pose)
+                compensate(s, sample, restart or recovers, fresh_pose, inertia)
+                weigh(s, sample, passed, restart or recovers, fresh_pose, inertia)
                 fault, detail = conclude(s, sample, fault, detail, recovers)
                 if now - s.block_time >= BLOCK_SECONDS:
                     end_block(s)
@@ -141,7 +144,7 @@ def look_down(s: State, ring: Matrix, now: float, fresh: bool) -> None:
 
 
 @kernel
-def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
+def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool, inertia: bool | None) -> None:
     """The contact wrench, filtered: the reading less what the model gives at the wrench's moment, behind the sensor's
     own filter. The model is linear in down as the flange sees it, so three numbers are filtered and not six, and what
     is missed of them.
@@ -158,7 +161,7 @@ def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
     for k in range(6):
         B = s.B[k]
         left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + B[3] + per_kelvin[k] * warmer)
-        if s.knows_inertia:
+        if inertia is not None:
             left -= exerted(s.D[k], s.seen)
         wrench[k] = left
         s.column[k] = left - offset[k]
@@ -170,10 +173,10 @@ def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
 
 
 @kernel
-def weigh(s: State, sample: Sample, passed: float, fresh: bool, fresh_pose: bool) -> None:
+def weigh(s: State, sample: Sample, passed: float, fresh: bool, fresh_pose: bool, inertia: bool | None) -> None:
     """The statistic of the contact wrench and its std; in motion both know what is noisier then."""
     moving = follow_turn(s, sample.time, passed, fresh, fresh_pose) or s.knows_inertia
-    if s.knows_inertia:
+    if inertia is not None:
         sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample, fresh))
     else:
         sample.statistic = statistic_of(sample.wrench, s.whitening)

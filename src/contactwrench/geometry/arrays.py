@@ -46,6 +46,8 @@ def numbers(values: ArrayLike, name: str) -> Array:
 
 def number(values: Any, name: str) -> float:
     """A single one of `numbers`."""
+    if type(values) is float:
+        return values
     array = numbers(values, name)
     if array.shape:
         raise InputError(f"{name} has shape {array.shape}, expected one number")

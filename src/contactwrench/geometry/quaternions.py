@@ -48,16 +48,18 @@ def rotated(q: Quat, v: tuple[float, float, float]) -> tuple[float, float, float
 
 def between(a: Quat, b: Quat, share: float) -> Quat:
     """The orientation at a share of the shortest turn from `a` to `b`; beyond 1: carried on."""
-    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
-    sign = 1.0 if cosine >= 0.0 else -1.0
     if a == b:
         return a
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    cosine = ax * bx + ay * by + az * bz + aw * bw
+    sign = 1.0 if cosine >= 0.0 else -1.0
     if cosine * sign > 1.0 - 1e-9:
         of_a, of_b = 1.0 - share, sign * share
     else:
         half = acos(cosine * sign)
         of_a, of_b = sin((1.0 - share) * half) / sin(half), sign * sin(share * half) / sin(half)
-    x, y, z, w = (of_a * p + of_b * q for p, q in zip(a, b, strict=True))
+    x, y, z, w = of_a * ax + of_b * bx, of_a * ay + of_b * by, of_a * az + of_b * bz, of_a * aw + of_b * bw
     length = sqrt(x * x + y * y + z * z + w * w)
     return x / length, y / length, z / length, w / length
 

@@ -91,7 +91,7 @@ class Intake:
         if not isinstance(batch, Batch):
             found = f"{self.uri}: found {type(batch).__name__}"
             raise InputError(f"{found}, expected a Batch: Batch([Sample(arrival, wrench=...)])")
-        if not isfinite(sum(sample.arrival for sample in batch.samples)):
+        if not isfinite(sum([sample.arrival for sample in batch.samples])):
             bad = next(each.arrival for each in batch.samples if not isfinite(each.arrival))
             raise InputError(f"found a sample with arrival={bad}, expected s, by the clock of t: say when it came")
         for sample in batch.samples[:1]:
@@ -112,9 +112,9 @@ class Intake:
         if anew and batch.samples and batch.samples[-1].arrival > self._settled:  # not on and on
             self._settled = batch.samples[-1].arrival + BACKLOG
         times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples], anew)
+        self.samples += len(times)
         taken = []
         for (by_its_clock, is_known), sample in zip(times, batch.samples, strict=True):
-            self.samples += 1
             t, doubt = self._timed(by_its_clock, is_known, sample)
             self._newest = max(t, self._newest + LEAST_STEP)
             flaw = sample.flaw or _broken(sample) or doubt

@@ -47,7 +47,8 @@ class PoseTrack:
 
     def __init__(self) -> None:
         self._poses: deque[tuple[float, Four, Three]] = deque(maxlen=KEPT)
-        self.period = 0.0
+        self.period, self.stale_after = 0.0, LEAST_AGE
+        """s from one to the next; and the age, s, from which a pose says nothing of now."""
         self._changed, self._usual, self._speed, self._steady = -inf, 0.0, 0.0, False
 
     def add(self, t: float, orientation: Four, position: Three | None) -> bool:
@@ -58,6 +59,7 @@ class PoseTrack:
             last, before, _ = self._poses[-1]
             if 0.0 < (step := t - last) < MOST_AGE:
                 self.period += FORGETS * (step - self.period) if self.period else step
+                self.stale_after = min(max(PERIODS * self.period, LEAST_AGE), MOST_AGE)
             self._watch(t, turn, before)
         self._poses.append((t, turn, position or NO_PLACE))
         return True
@@ -77,11 +79,6 @@ class PoseTrack:
     def frozen(self, now: float) -> bool:
         """Whether poses go on to come, all of them the same, although the arm turned too fast to stop so soon."""
         return self._steady and min(now, self._poses[-1][0]) - self._changed > max(PERIODS * self._usual, LEAST_AGE)
-
-    @property
-    def stale_after(self) -> float:
-        """Age (s) from which a pose says nothing of now."""
-        return min(max(PERIODS * self.period, LEAST_AGE), MOST_AGE)
 
     @property
     def newest(self) -> tuple[float, Four, Three] | None:
@@ -112,13 +109,12 @@ class PoseTrack:
 
     def _carried_on(self, onwards: float, beyond: float) -> Four:
         """The newest orientation, turned on for some s as it turned before, of which so many lie beyond now."""
-        newest, orientation, _ = self._poses[-1]
-        for k in range(len(self._poses) - 2, -1, -1):
-            t, earlier, _ = self._poses[k]
-            if newest - t >= LOOK_BACK:
-                if newest - t > MOST_AGE:
+        backwards = reversed(self._poses)
+        newest, orientation, _ = next(backwards)
+        for t, earlier, _ in backwards:
+            if (seen := newest - t) >= LOOK_BACK:
+                if seen > MOST_AGE:
                     break
-                seen = newest - t
                 return between(earlier, orientation, 1.0 + min((onwards - beyond) / seen, CARRIED) + beyond / seen)
         return orientation
 

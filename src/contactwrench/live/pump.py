@@ -200,7 +200,7 @@ class Pump:
         """Until the sensor sent something, or a moment."""
         try:
             self._wake.get(timeout=TURN)
-            while True:
+            while not self._wake.empty():
                 self._wake.get_nowait()
         except Empty:
             return

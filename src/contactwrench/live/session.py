@@ -63,6 +63,7 @@ class Session:
     ) -> None:
         self._sensor = Intake(sensor, "sensor" if robot is not None else "sensor and robot")
         self._robot = self._sensor if robot is None else Intake(robot, "robot")
+        self._intakes = tuple(dict.fromkeys((self._sensor, self._robot)))
         self._track, self._history, self._stillness = PoseTrack(), History(), Stillness()
         self._options, self._save, self._save_accepted = options or Options(), save, save_accepted
         self._saved: tuple[Calibration, str] | None = None
@@ -160,7 +161,7 @@ class Session:
                 self._trace.append(traced(reading, turn.judged[k] if turn.judged else None))
         if self.phase not in (Phase.CONNECT, Phase.RUN) and turn.rows:
             self._motion.add(turn, t)
-        for intake in dict.fromkeys((self._sensor, self._robot)):
+        for intake in self._intakes:
             for event in intake.look(t):
                 self._say(event)
         if self._stillness.look(self._history, t) and self.phase is not Phase.RUN:
@@ -251,7 +252,8 @@ class Session:
 
     def events(self) -> list[Event]:
         """What happened since they were last asked for."""
-        new, self._new = list(self._new), deque(maxlen=NEW_EVENTS_KEPT)
+        new = list(self._new)
+        self._new.clear()
         return new
 
     def snapshot(self, t: float, outputs: tuple[Output, ...] = (), recording: str = "") -> Snapshot:
@@ -264,7 +266,7 @@ class Session:
         return Snapshot(
             t=t,
             phase=self.phase,
-            devices=tuple(each.shown(t) for each in dict.fromkeys((self._sensor, self._robot))),
+            devices=tuple(each.shown(t) for each in self._intakes),
             reading=reading,
             noise=noise,
             orientation=here,

@@ -12,7 +12,7 @@ from ..sink import Turn
 from ..source import DeviceError
 from ..uri import Uri
 
-NAMES = ("t", *WRENCH_COLUMNS, "std", "valid", "contact", "reason")
+Line = msgspec.defstruct("Line", ("t", *WRENCH_COLUMNS, "std", "valid", "contact", "reason"), gc=False)
 
 
 class UdpLines:
@@ -53,9 +53,9 @@ class UdpLines:
             return
         send, encode = self._socket.send, self._encode
         for each in turn.judged:
-            columns = (each.t, *each.wrench.tolist(), each.std.tolist(), each.valid, each.contact, each.reason)
+            wrench, std = each.wrench.tolist(), each.std.tolist()
             try:
-                send(encode(dict(zip(NAMES, columns, strict=True))) + b"\n")
+                send(encode(Line(each.t, *wrench, std, each.valid, each.contact, each.reason)) + b"\n")
                 self.written += 1
             except OSError:
                 self.dropped += 1
