@@ -55,13 +55,6 @@ class ContactWrench(Sealed):
     reason: Reason | None
     contact: bool | None
 
-    def __init__(
-        self, wrench: Array, std: Array, t: float, valid: bool, reason: Reason | None, contact: bool | None
-    ) -> None:
-        known = vars(self)  # one for each reading: through a frozen class' own setters it is 1 us more of 8
-        known["wrench"], known["std"], known["t"] = wrench, std, t
-        known["valid"], known["reason"], known["contact"] = valid, reason, contact
-
 
 @dataclass(frozen=True, eq=False)
 class Contact(Frozen):

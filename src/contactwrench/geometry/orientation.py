@@ -50,9 +50,7 @@ class Convention:
 
 def numbers_of(orientation: OrientationLike) -> Array:
     """Quaternions or matrices as they were handed over, of a scipy `Rotation` its quaternions. Raises `InputError`."""
-    if type(orientation) is not np.ndarray and hasattr(orientation, "as_quat"):
-        orientation = orientation.as_quat()
-    return numbers(orientation, "orientation")
+    return numbers(orientation.as_quat() if hasattr(orientation, "as_quat") else orientation, "orientation")
 
 
 def from_quat_xyzw(quat_xyzw: Array) -> Array:
