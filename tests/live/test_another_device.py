@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from time import monotonic, sleep
-from typing import Any
+from typing import Any, TypeAlias
 
 import pytest
 
@@ -18,6 +19,7 @@ from contactwrench.live.pump import Reader
 from contactwrench.live.source import About
 from contactwrench.live.uri import source_of
 
+Others: TypeAlias = dict[str, tuple[str, list[str | About]]]
 DO = "as when the session began: connect that again, or begin a new session"
 
 
@@ -36,18 +38,30 @@ def said(first: Any, second: Callable[[Any], Any], wrench: bool) -> tuple[str, l
     return fake.uri, news
 
 
-def test_another_robot_is_not_taken_for_the_one_that_was() -> None:
-    uri, news = said(Ur(Plain()), lambda fake: Ur(Plain(), port=fake.port, cb3=True), wrench=False)
+@pytest.fixture(scope="module")
+def others() -> Others:
+    """What is said of each, all at once: what takes long is to wait."""
+
+    def box(rate: float) -> tuple[str, list[str | About]]:
+        first = NetFt(Plain())
+        return said(first, lambda fake: NetFt(Plain(), rate, port=fake.port, http_port=fake.http_port), wrench=True)
+
+    with ThreadPoolExecutor(3) as pool:
+        robot = pool.submit(said, Ur(Plain()), lambda fake: Ur(Plain(), port=fake.port, cb3=True), wrench=False)
+        quick, slow = pool.submit(box, 2000.0), pool.submit(box, 1000.0)
+        return {"robot": robot.result(), "2000.0": quick.result(), "1000.0": slow.result()}
+
+
+def test_another_robot_is_not_taken_for_the_one_that_was(others: Others) -> None:
+    uri, news = others["robot"]
     assert [each.name for each in news if isinstance(each, About)] == ["Universal Robots e-series, PolyScope 5.15.0"]
     was, now = "Universal Robots e-series, PolyScope 5.15.0", "Universal Robots CB3, PolyScope 3.15.8"
     assert f"{uri}: found {now}, expected {was}, {DO}" in news
 
 
 @pytest.mark.parametrize("rate", [2000.0, 1000.0])
-def test_a_box_at_another_rate_is_not_taken_for_the_one_that_was(rate: float) -> None:
-    uri, news = said(
-        NetFt(Plain()), lambda fake: NetFt(Plain(), rate, port=fake.port, http_port=fake.http_port), wrench=True
-    )
+def test_a_box_at_another_rate_is_not_taken_for_the_one_that_was(rate: float, others: Others) -> None:
+    uri, news = others[str(rate)]
     assert (f"{uri}: found 2000 samples a second, expected 1000, {DO}" in news) == (rate == 2000.0)
     assert sum(isinstance(each, About) for each in news) == (1 if rate == 2000.0 else 2)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -188,7 +188,7 @@ class CalibrationFields(Frozen, WithFindings):
         variance = np.empty((len(R), 6))
         for start in range(0, len(R), ROWS_AT_ONCE):
             rows = slice(start, start + ROWS_AT_ONCE)
-            variance[rows] = self._variances(R[rows])
+            variance[rows] = (self._variance_forms @ _products(R[rows])).T
             if motion is not None:
                 variance[rows] += np.einsum("nii->ni", covariance_in_motion(self, R[rows], motion.select(rows)))
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)).reshape(*leading, 6))
@@ -245,12 +245,6 @@ class CalibrationFields(Frozen, WithFindings):
             return None
         return RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
 
-    def _variances(self, R_base_flange: Array) -> Array:
-        """Of contact wrenches from the calibration alone (n, 6), for orientations (n, 3, 3)."""
-        entries = np.vstack([np.ones(len(R_base_flange)), R_base_flange.reshape(-1, 9).T])
-        one, other = np.triu_indices(10)
-        return np.asarray((self._variance_forms @ (entries[one] * entries[other])).T)
-
     @cached_property
     def _variance_forms(self) -> Array:
         """Of each axis its quadratic form (6, 55) in 1 and the entries of R_base_flange: the free wrench is linear."""
@@ -262,7 +256,7 @@ class CalibrationFields(Frozen, WithFindings):
     @cached_property
     def largest_std(self) -> tuple[float, float]:
         """The largest std over all orientations, within 1 %, of contact force (N) and torque (N m), each a norm."""
-        of_groups = self._variances(spread_rotations(288, 24)).reshape(-1, 2, 3).sum(axis=2)
+        of_groups = (self._variance_forms @ _products_everywhere()).T.reshape(-1, 2, 3).sum(axis=2)
         return float(np.sqrt(of_groups[:, 0].max())), float(np.sqrt(of_groups[:, 1].max()))
 
     @property
@@ -285,6 +279,19 @@ class CalibrationFields(Frozen, WithFindings):
         if any(finding.severity is Severity.WEAK for finding in self.findings):
             return "weak"
         return "doubtful" if self.doubts else "good"
+
+
+def _products(R_base_flange: Array) -> Array:
+    """Of any two of 1 and the entries (55, n) of orientations (n, 3, 3)."""
+    entries = np.vstack([np.ones(len(R_base_flange)), R_base_flange.reshape(-1, 9).T])
+    one, other = np.triu_indices(10)
+    return np.asarray(entries[one] * entries[other])
+
+
+@cache
+def _products_everywhere() -> Array:
+    """Of orientations that are spread evenly: most of the time to load a calibration is to make these."""
+    return read_only(_products(spread_rotations(288, 24)))
 
 
 def require_calibration(calibration: object) -> None:

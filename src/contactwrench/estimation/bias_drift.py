@@ -8,6 +8,7 @@ motion has a prior probability, and the answer is the mean over all of them by e
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,7 @@ class Drift:
     first_after: int | None = None
     least: float = 0.0
 
-    @property
+    @cached_property
     def strengths(self) -> Array:
         """How strong it may be, in units of the noise."""
         strengths = STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS_OF_MANY

@@ -92,8 +92,11 @@ def seen(problem: Problem, kept: NDArray[np.bool_], among: NDArray[np.intp] | No
     """
     among = np.arange(len(problem.kernels.drift)) if among is None else among
     drifts = problem.kernels.drifts
-    alike = np.array([drift.kind is not None and not np.ptp(drift.columns[kept], axis=0).any() for drift in drifts])
-    return np.asarray(among[~alike[problem.kernels.drift[among]]])
+    of_column = np.repeat(np.arange(len(drifts)), [drift.columns.shape[1] for drift in drifts])
+    moves = np.ptp(np.hstack([drift.columns for drift in drifts])[kept], axis=0) != 0.0
+    shows = np.bincount(of_column, moves, len(drifts)) > 0.0
+    shows |= [drift.kind is None for drift in drifts]
+    return np.asarray(among[shows[problem.kernels.drift[among]]])
 
 
 def untouched(

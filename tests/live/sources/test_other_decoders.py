@@ -31,6 +31,7 @@ from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind, Source
 from contactwrench.live.sources import ft300, netft, rsi
 from contactwrench.live.sources.ros2 import Ros2
+from contactwrench.live.sources.transport import LISTENS
 from contactwrench.live.uri import parsed, source_of
 from tests.live.sources.test_sri_decoder import pieces_of
 from tests.support.devices import KINDS, LOCALHOST, answering, free_port, numbered, read, refusal
@@ -194,7 +195,11 @@ OTHERS = {
 
 
 @pytest.mark.parametrize(("change", "said"), OTHERS.values(), ids=OTHERS)
-def test_a_robot_that_sends_something_else_is_told_what(change: Callable[[bytes], bytes], said: str) -> None:
+def test_a_robot_that_sends_something_else_is_told_what(
+    change: Callable[[bytes], bytes], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rsi, "LISTENS", 0.5)
+
     class Other(Rsi):
         def cycle_at(self, t: float, number: int) -> bytes:
             return change(super().cycle_at(t, number))
@@ -204,6 +209,7 @@ def test_a_robot_that_sends_something_else_is_told_what(change: Callable[[bytes]
 
 
 def test_where_no_robot_sends_that_is_said() -> None:
+    assert LISTENS == 2.5
     uri = f"rsi://{LOCALHOST}:{(port := free_port())}"
     assert refusal(source_of(uri)) == (
         f"{uri}: found port {port} open and nobody who sends yet, expected the robot's RSI datagrams: start the "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -55,31 +56,35 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transport, "PATIENCE", 2.0)
 
 
-@pytest.mark.parametrize(
-    ("box", "keeps", "said"),
-    [
-        (Sri, {"DCKMD": "CRC32"}, f"found packets of 34 bytes, {PACKETS}{SET_IT}"),
-        (Pairs, {}, f"found packets of 55 bytes, {PACKETS}{SET_IT}"),
-        (WrongSums, {}, f"found packets whose sums are all wrong, {PACKETS}{SET_IT}"),
-        (AllAlike, {}, f"found no two packets with numbers of their own, {PACKETS}{SET_IT}"),
-        (
-            Mute,
-            {},
-            "found no answer, expected packets after AT+GSD: check that this is the SRI interface box, and that no "
-            "one else uses it",
-        ),
-        (
-            Sri,
-            {"SGDM": COUNTS},
-            f"found AD counts ({COUNTS}), expected N and N m: set AT+{CHANNELS} in its maker's program, with the "
-            "sensor's decoupling matrix",
-        ),
-    ],
-)
-def test_a_box_that_sends_nothing_usable_is_refused(box: type[Sri], keeps: Mapping[str, str], said: str) -> None:
-    """It was connected, and connected again, for ever; and counts were N."""
-    with box(numbered(), keeps=keeps) as fake:
-        assert refusal(source_of(fake.uri)) == f"{fake.uri}: {said}"
+UNUSABLE: list[tuple[type[Sri], Mapping[str, str], str]] = [
+    (Sri, {"DCKMD": "CRC32"}, f"found packets of 34 bytes, {PACKETS}{SET_IT}"),
+    (Pairs, {}, f"found packets of 55 bytes, {PACKETS}{SET_IT}"),
+    (WrongSums, {}, f"found packets whose sums are all wrong, {PACKETS}{SET_IT}"),
+    (AllAlike, {}, f"found no two packets with numbers of their own, {PACKETS}{SET_IT}"),
+    (
+        Mute,
+        {},
+        "found no answer, expected packets after AT+GSD: check that this is the SRI interface box, and that no "
+        "one else uses it",
+    ),
+    (
+        Sri,
+        {"SGDM": COUNTS},
+        f"found AD counts ({COUNTS}), expected N and N m: set AT+{CHANNELS} in its maker's program, with the "
+        "sensor's decoupling matrix",
+    ),
+]
+
+
+def test_a_box_that_sends_nothing_usable_is_refused() -> None:
+    """It was connected, and connected again, for ever; and counts were N. All at once: what takes long is to wait."""
+
+    def refused(box: type[Sri], keeps: Mapping[str, str], _: str) -> str:
+        with box(numbered(), keeps=keeps) as fake:
+            return refusal(source_of(fake.uri)).removeprefix(f"{fake.uri}: ")
+
+    with ThreadPoolExecutor(len(UNUSABLE)) as pool:
+        assert list(pool.map(refused, *zip(*UNUSABLE, strict=True))) == [said for *_, said in UNUSABLE]
 
 
 @pytest.mark.parametrize(
