@@ -94,6 +94,13 @@ POSE_TYPES = "geometry_msgs/PoseStamped, geometry_msgs/TransformStamped or nav_m
             "(geometry_msgs/WrenchStamped, 1 messages), expected one: choose with --wrench-topic /left",
         ),
         (
+            [READING, Message("/ft_compensated", WRENCH, ns(0.0), {}), POSE],
+            {},
+            {},
+            "found 2 topics with a wrench: /ft_compensated (geometry_msgs/Wrench, 1 messages), /wrench "
+            "(geometry_msgs/WrenchStamped, 1 messages), expected one: choose with --wrench-topic /wrench",
+        ),
+        (
             [READING, POSE],
             {},
             {"wrench_topic": "/ft"},

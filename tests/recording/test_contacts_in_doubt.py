@@ -191,13 +191,16 @@ def test_the_command_says_it_in_one_line(tmp_path: Path, capsys: Capture) -> Non
         assert [line for line in done.err.splitlines() if "in contact" in line] == said
 
 
+TORQUES = "torque=Nmm", "force=N,torque=kNm"
+
+
 def off_throughout(folder: Path, *, with_times: bool, options: Options, change: str = "free") -> list[str]:
     """What is said of a minute that is not judged, of a table of rows with both or brought onto one clock."""
     notes: list[str] = []
     treatment = Treatment(delay=0.004 if with_times else None)
     for _ in compensated(recorded(folder, 2, change), options, calibrated(3)[0], treatment, note=notes.append):
         pass
-    return [note for note in notes if "left of the force" in note]
+    return [note for note in notes if "are left of the" in note]
 
 
 @pytest.mark.parametrize(
@@ -206,14 +209,17 @@ def off_throughout(folder: Path, *, with_times: bool, options: Options, change: 
         (Options(sign="reaction"), False),
         (Options(inverse_orientation=True), True),
         (Options(units="force=kN,torque=Nm"), False),
+        (Options(units=TORQUES[0]), False),
+        (Options(units=TORQUES[1]), True),
     ],
 )
 def test_what_is_read_otherwise_than_the_calibration_is_asked_about(
     options: Options, with_times: bool, tmp_path: Path
 ) -> None:
     (note,) = off_throughout(tmp_path, with_times=with_times, options=options)
+    left = "N m are left of the torque" if options.units in TORQUES else "N are left of the force"
     assert re.fullmatch(
-        r"more than \d+\.?\d* N are left of the force in (9\d|100)% of the rows: "
+        rf"more than \d+\.?\d* {left} in (9\d|100)% of the rows: "
         + re.escape(f"{OTHERWISE}, something is held, or the arm moves fast"),
         note,
     )

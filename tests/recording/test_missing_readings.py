@@ -70,7 +70,16 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 @pytest.mark.parametrize(
     ("cell", "channels"),
-    [("", [3]), ("nan", [0, 1]), ("NaN", list(range(6))), ("-9999.0", [2]), ("-999", list(range(6)))],
+    [
+        ("", [3]),
+        ("nan", [0, 1]),
+        ("NaN", list(range(6))),
+        ("-9999.0", [2]),
+        ("-999", list(range(6))),
+        ("NA", [0, 5]),
+        ('"null"', [4]),
+        (" -nan(ind)", list(range(6))),
+    ],
 )
 def test_rows_without_a_reading_have_no_contact_wrench(
     tmp_path: Path, capsys: Capture, cell: str, channels: list[int]

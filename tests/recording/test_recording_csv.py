@@ -140,11 +140,15 @@ def test_the_angle_y_of_nachi_is_not_taken_for_a_position(tmp_path: Path) -> Non
         lambda text: b"\xef\xbb\xbf# note\r\n" + text.replace(",", ";").replace("\n", "\r\n").encode(),
         lambda text: "\n".join(",".join(f'"{cell}"' for cell in line.split(",")) for line in text.split()).encode(),
         lambda text: "\n".join(f'"down, {n}",{line}' for n, line in enumerate(text.split())).encode(),
+        lambda text: text.replace("\n", ",\n").replace(",\n", "\n", 1).encode(),
+        lambda text: text.replace(",", ";").replace("\n", ";\n", 1).encode(),
+        lambda text: (text + 3 * (text.partition("\n")[0].count(",") * "," + "\n")).encode(),
     ],
     ids=[
         *("BOM", "CRLF", "CR", "semicolon", "tab", "spaces", "blank", "blanks", "numpy", "numpy with commas"),
         *("decimal comma", "comma and tabs", "comma and blanks", "Excel UTF-16", "UTF-16", "commas in text"),
         *("Windows", "remarks", "no end", "comments", "Excel", "quotes", "text"),
+        *("commas behind rows", "a mark behind names", "rows of nothing"),
     ],
 )
 def test_what_is_plainly_meant_is_read(tmp_path: Path, dress: object) -> None:

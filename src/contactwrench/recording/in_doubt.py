@@ -13,7 +13,7 @@ from ..calibration.dynamics import inertial_matrix
 from ..compensate.contact_wrenches import FREE, NOT_GIVEN, NOT_JUDGED, TOUCHING, ContactWrenches
 from ..compensate.faults import Reason
 from ..errors import InputError
-from ..estimation.noise import variance_of_means
+from ..estimation.noise import PER_NEWTON, variance_of_means
 from ..estimation.priors import tool_of
 from ..geometry.arrays import Array
 from ..model import AXES, weight_scale
@@ -32,6 +32,7 @@ SHORT, MANY = 0.1, 10.0
 """s, that no hand and no task touches for, and contacts in a minute: of so many so short ones."""
 PART_OF_WEIGHT, NEARLY_ALL = 0.1, 0.9
 """Of the weight, and of the rows: orientations that have nothing to do with the readings leave less in few of them."""
+LEFT = "N are left of the force", "N m are left of the torque"
 FEWEST_ROWS = 100
 """Fewer may well be pushes alone."""
 MEDIAN_STEP = 0.954
@@ -169,28 +170,30 @@ class InDoubt:
 
 
 class OffThroughout:
-    """Whether forces that are not judged for contact are a part of the weight, and beyond the noise, in nearly all of
-    many rows, batch by batch: no arm touches something all the time.
+    """Whether forces, or torques, that are not judged for contact are a part of the weight's, and beyond the noise, in
+    nearly all of many rows, batch by batch: no arm touches something all the time.
     """
 
     def __init__(self, calibration: Calibration) -> None:
-        of_row = variance_of_means(calibration.noise, calibration.fitted_poses, np.ones(1))[0, :3]
-        self.weight = weight_scale(calibration.B)
-        self.variance, self.least, self.rows, self.off = float(np.sum(of_row)), 0.0, 0, 0
+        of_row = variance_of_means(calibration.noise, calibration.fitted_poses, np.ones(1))[0]
+        self.part = PART_OF_WEIGHT * weight_scale(calibration.B) * PER_NEWTON[::3]
+        self.variance, self.least = np.sum(of_row.reshape(2, 3), axis=1), np.zeros(2)
+        self.rows, self.off = 0, np.zeros(2, dtype=int)
 
     def add(self, batch: ContactWrenches) -> None:
         """The next rows, as noisy as those of the calibration or as from row to row; NaN does not count."""
-        force = batch.wrench[np.isfinite(batch.wrench[:, :3]).all(axis=1), :3]
-        if len(force) > 1:
-            own = np.median(np.abs(np.diff(force, axis=0)), axis=0) / MEDIAN_STEP
-            noise = np.sqrt(max(self.variance, float(np.sum(own**2))))
-            self.least = max(self.least, PART_OF_WEIGHT * self.weight + 3.0 * float(noise))
-        size = np.linalg.norm(force, axis=1)
-        self.rows, self.off = self.rows + len(size), self.off + int(np.sum(size > self.least))
+        wrench = batch.wrench[np.isfinite(batch.wrench).all(axis=1)].reshape(-1, 2, 3)
+        if len(wrench) > 1:
+            own = np.median(np.abs(np.diff(wrench, axis=0)), axis=0) / MEDIAN_STEP
+            noise = np.sqrt(np.maximum(self.variance, np.sum(own**2, axis=1)))
+            self.least = np.maximum(self.least, self.part + 3.0 * noise)
+        self.rows += len(wrench)
+        self.off += np.sum(np.linalg.norm(wrench, axis=2) > self.least, axis=0)
 
     def __str__(self) -> str:
         """A sentence; empty where nothing is in doubt."""
-        if self.rows < FEWEST_ROWS or self.off < NEARLY_ALL * self.rows:
-            return ""
-        found = f"more than {two_digits(self.least)} N are left of the force in {self.off / self.rows:.0%} of the rows"
-        return f"{found}: {OTHERWISE}, something is held, or the arm moves fast"
+        for least, off, left in zip(self.least, self.off, LEFT, strict=True):
+            if self.rows >= FEWEST_ROWS and off >= NEARLY_ALL * self.rows:
+                found = f"more than {two_digits(least)} {left} in {off / self.rows:.0%} of the rows"
+                return f"{found}: {OTHERWISE}, something is held, or the arm moves fast"
+        return ""

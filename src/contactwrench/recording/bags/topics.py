@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 from ...assess.robot_arms import Arm
 from ...errors import FileFormatError, InputError, some_of
+from ..tables.names import NOT_MEASURED
 from .chunks import Topic
 from .message_layout import written
 from .messages import ACCELERATIONS, JOINT_STATE, POSES, TRANSFORMS, WRENCHES
@@ -86,9 +89,13 @@ def _only(bag: Bag, what: str, types: tuple[str, ...], option: str, content: str
         listed = ", ".join(f"{topic.name} ({written(topic.type)}, {bag.counts[topic]} messages)" for topic in recorded)
         raise FileFormatError(
             f"{bag.path}: found {len(recorded)} topics with {what}: {listed}, expected one: choose with {option} "
-            f"{recorded[0].name}"
+            f"{min(recorded, key=_tells_of_no_readings).name}"
         )
     return recorded[0]
+
+
+def _tells_of_no_readings(topic: Topic) -> bool:
+    return not NOT_MEASURED.isdisjoint(re.findall("[a-z]+", topic.name.lower()))
 
 
 def _flag_is_missing(bag: Bag, topics: tuple[Topic, ...]) -> FileFormatError:

@@ -6,6 +6,7 @@ say which row and column is wrong; rows are counted as an editor counts lines, t
 
 from __future__ import annotations
 
+import re
 from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
@@ -25,6 +26,8 @@ from .text_cells import PERHAPS_DOTTED, cells, no_number, of_unknown_code, split
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", "")
 
+LACKING = r"#?n/?a|null|none|<na>|-?nan\(?(?:ind|snan)\)|-?1\.#(?:qnan|ind)\d*"
+"""What stands for no number, in any case, beside nothing and nan: of pandas' `na_values`, and of printf on Windows."""
 BOOLEANS = {"true": 1.0, "false": 0.0}
 POINT_FOR_COMMA = str.maketrans(",.", ".\0")
 """Of rows with decimal commas; a point among them is made what no number has."""
@@ -85,6 +88,8 @@ def _bodies(blocks: Iterator[tuple[int, str, float]], header_row: int, layout: L
         (first_row, text, done), following = following, next(blocks, None)
         every = text.split("\n")
         if not following and layout.names[-1] == FLAW and every[-1].count(layout.separator) < len(layout.names) - 1:
+            every.pop()
+        while not following and len(every) > 1 and not every[-1].strip(f"{layout.separator} "):  # Excel's last rows
             every.pop()
         rows = [row for row, line in enumerate(every, start=first_row) if row > header_row and is_row(line)]
         lines = [every[row - first_row] for row in rows]
@@ -195,12 +200,10 @@ class Lines(Body):
         return values if len(values) == len(lines) else None
 
     def _filled(self) -> list[str]:
-        """The rows with nan in cells that are empty."""
+        """The rows with nan in cells that lack a number."""
         d = self._layout.separator
-        text = "\n".join(["", *self._lines, ""])
-        for _ in range(2):  # a match of one gap takes the delimiter in which the next would begin
-            text = text.replace(d + d, f"{d}nan{d}")
-        return text.replace(d + "\n", f"{d}nan\n").replace("\n" + d, f"\nnan{d}").split("\n")[1:-1]
+        lacking = re.compile(rf"([{d}\n])(?:{LACKING})?(?=[{d}\n])", re.IGNORECASE)
+        return lacking.sub(r"\1nan", "\n".join(["", *self._lines, ""])).split("\n")[1:-1]
 
     def _is_whole(self, line: str) -> bool:
         """Whether a row has as many cells as the header; a quoted cell may hold the delimiter."""
@@ -229,7 +232,8 @@ class Lines(Body):
             return BOOLEANS[cell.lower()]
         comma = self._layout.decimal == ","
         try:
-            number = value(cell.translate(POINT_FOR_COMMA) if comma else cell) if cell else np.nan
+            lacks = not cell or (may_lack and re.fullmatch(LACKING, cell, re.IGNORECASE))
+            number = np.nan if lacks else value(cell.translate(POINT_FOR_COMMA) if comma else cell)
         except ValueError:
             where = f"{self.source}: row {row}, column {column.name}"
             wrong = no_number(cell, column.name, comma=comma, of_times=column.role == "t")

@@ -84,7 +84,7 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
         return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
     names = named_or_numbered(_names(header, separator, row, source))
-    names = _without_comment(names, len(split(data[0], separator))) if data else names
+    names = _as_wide(names, [split(line, separator) for line in data[:SAMPLE]])
     if data and _are_units(units := split(data[0], separator), names):
         units = [UNREADABLE if NO_TEXT in unit else in_ascii(unit).strip("[]() ") for unit in units]
         names = [
@@ -127,8 +127,17 @@ def _header_above(lines: Sequence[str], first: int, mark: str, width: int) -> in
 
 
 def _without_comment(names: list[str], width: int) -> list[str]:
-    """The names of as many columns as rows have: LabVIEW names one more at the end, of which few rows have a cell."""
-    return names[:-1] if len(names) == width + 1 and names[-1].lower() == COMMENT else names
+    """The names of as many columns as rows have: LabVIEW names one more at the end, of which few rows have a cell, and
+    others write a separator behind the last name.
+    """
+    return names[:-1] if len(names) == width + 1 and names[-1].lower() in (COMMENT, "") else names
+
+
+def _as_wide(names: list[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The names of as many columns as rows have, of which each may end with a separator."""
+    if rows and all(len(row) == len(names) + 1 and not row[-1] for row in rows):
+        return [*names, ""]
+    return _without_comment(names, len(rows[0])) if rows else names
 
 
 def _refuse_units(remark: str, where: str) -> None:

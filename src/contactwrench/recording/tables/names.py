@@ -74,9 +74,13 @@ _OF_POSE = _ANYWHERE | _set(
     "pose position pos tcp ee eef flange tool robot cartesian cart rist end effector transform translation"
 )
 _OF_ANGLES = _OF_POSE | _set("orientation euler rpy angle angles rotation rot")
-_OF_TIME = _ANYWHERE | _set("header sensor ft wrench pose robot unix epoch ros system relative since start")
+OTHER_CLOCKS = _set("sim simulation wall host controller monotonic recv")
+"""Words of times that count where a row has no others."""
+_OF_TIME = (
+    OTHER_CLOCKS | _ANYWHERE | _set("header sensor ft wrench pose robot unix epoch ros system relative since start")
+)
 _OF_LISTS = _ANYWHERE | _set("raw robot ee eef")
-_NOT_MEASURED = _set(
+NOT_MEASURED = _set(
     "target desired cmd command commanded ref reference setpoint error err std stddev var bias offset gravity virtual "
     "contact compensated estimated filtered external ext"
 )
@@ -230,7 +234,7 @@ def _split(words: list[str], nothing: frozenset[str]) -> tuple[str, list[str]]:
 
 def _without_topic(words: list[str], header: str) -> tuple[list[str], list[str]]:
     """Of a path such as `/topic/wrench/force/x` the topic, unless it tells of no readings, and the message's field."""
-    if header.lstrip().startswith("/") and not _NOT_MEASURED & set(words):
+    if header.lstrip().startswith("/") and not NOT_MEASURED & set(words):
         for k, word in enumerate(words):
             if k > 0 and word in ("wrench", "orientation", "position", "header"):
                 return words[:k], words[k:]

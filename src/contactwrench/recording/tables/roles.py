@@ -26,7 +26,7 @@ from .columns import (
     shown,
 )
 from .header import Candidate, Header, as_listed, quoted
-from .names import ESTIMATES
+from .names import ESTIMATES, OTHER_CLOCKS
 from .orientations import orientation_columns
 from .units import UNREADABLE, unit_of
 
@@ -177,7 +177,7 @@ def _preference(times: tuple[Candidate, ...]) -> int:
         return 0
     if "header" in of or (len(times) > 1 and (not of or "stamp" in of)):
         return 1
-    return 3 if of in (["%time"], ["rosbagtimestamp"]) else 2
+    return 3 if of in (["%time"], ["rosbagtimestamp"]) or OTHER_CLOCKS & set(of) else 2
 
 
 def _as_times(header: Header, times: tuple[Candidate, ...]) -> tuple[Column, ...]:
