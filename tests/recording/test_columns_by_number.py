@@ -95,7 +95,7 @@ def test_a_counter_is_a_column_and_may_be_the_times(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("first", "separator", "columns"), [("12:30:{:02d}.5", ",", SHIFTED), ("2024-05-01T12:30:{:02d}", " ", SHIFTED)]
+    ("first", "separator", "columns"), [("12:30:{:02d}.5", ",", SHIFTED), ("01.05.2024T12:30:{:02d}", " ", SHIFTED)]
 )
 def test_a_time_of_day_is_a_column_and_no_time(
     tmp_path: Path, first: str, separator: str, columns: dict[str, str]
@@ -104,8 +104,8 @@ def test_a_time_of_day_is_a_column_and_no_time(
     path = written(tmp_path, with_first(first, separator))
     assert_read(path, **columns)
     assert refusal(path, **columns, time_column="1") == (
-        f"row 1, column 1: found {first.format(0)!r}, a date or time of day, expected seconds since the first row: "
-        "write those, or leave the times out, if the rows are poses, with --time-column none"
+        f"row 1, column 1: found {first.format(0)!r}, a date or time of day, expected s, or "
+        "2024-05-01 12:00:00: write those, or leave the times out, if the rows are poses, with --time-column none"
     )
 
 

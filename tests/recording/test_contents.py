@@ -193,12 +193,12 @@ def test_a_table_with_names_as_people_write_them(tmp_path: Path, capsys: pytest.
 
 
 def test_dates_do_not_keep_a_table_from_being_described(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = written(tmp_path, "Timestamp,fx,fy,fz,tx,ty,tz,qx,qy,qz,qw\n2024-05-01 12:00:00,1,2,3,4,5,6,0,0,0,1\n")
+    path = written(tmp_path, "Timestamp,fx,fy,fz,tx,ty,tz,qx,qy,qz,qw\n05/01/2024 12:00:00,1,2,3,4,5,6,0,0,0,1\n")
     told = run(capsys, "info", path).out
     assert "Table, 1 rows of 11 columns\n" in told
     complaint = (
-        "row 2, column Timestamp: found '2024-05-01 12:00:00', a date or time of day, expected seconds since the first "
-        "row: write those, or leave the times out, if the rows are poses, with --time-column none"
+        "row 2, column Timestamp: found '05/01/2024 12:00:00', a date or time of day, expected s, or "
+        "2024-05-01 12:00:00: write those, or leave the times out, if the rows are poses, with --time-column none"
     )
     assert f"  times: {complaint}\n" in told
     assert f"{path}: {complaint}" in run(capsys, "calibrate", path).err

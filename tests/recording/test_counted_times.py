@@ -1,14 +1,15 @@
-"""A table without times whose rows came at a rate that somebody states."""
+"""Times that are not numbers of seconds: of rows that came at a stated rate, and written as dates."""
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.errors import InputError
+from contactwrench.errors import FileFormatError, InputError
 from tests.recording.test_missing_readings import Capture, N, calibrated, recorded, rows_of
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.world import Array
@@ -90,3 +91,40 @@ def test_two_files_have_times_of_their_own(tmp_path: Path, capsys: Capture) -> N
     path = timeless(tmp_path, wrench, R)
     done = run(capsys, "calibrate", "--wrench", path, "--pose", path, "--rate", "100")
     assert done.complaint == "found two files and rate 100, expected times in each: leave it out"
+
+
+NOON = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    ("form", "separator", "mark", "zone"),
+    [
+        ("%Y-%m-%d %H:%M:%S.%f", ",", ".", 0.0),
+        ("%Y-%m-%dT%H:%M:%S.%f+02:00", " ", ".", -7200.0),
+        ('"%Y-%m-%d %H:%M:%S.%fZ"', "\t", ".", 0.0),
+        ("%Y-%m-%d %H:%M:%S.%f", ";", ",", 0.0),
+        ("%Y-%m-%d %H:%M:%S,%f", ";", ",", 0.0),
+    ],
+)
+@pytest.mark.parametrize("unit", ["", "_ms"])
+def test_dates_with_a_time_of_day_are_seconds(
+    tmp_path: Path, form: str, separator: str, mark: str, zone: float, unit: str
+) -> None:
+    """As pandas writes an index of times, with gaps as it writes them."""
+    t, wrench, R = recorded(7)
+    rows = [separator.join((f"t{unit}", *WRENCH, *MATRIX))]
+    for k, numbers in enumerate(np.column_stack([wrench, R.reshape(-1, 9)]).tolist()):
+        cells = [f"{number:.9g}".replace(".", mark) for number in numbers]
+        cells[0] = "nan" if k == 11 else cells[0]
+        rows.append(separator.join(((NOON + timedelta(seconds=t[k])).strftime(form), *cells)))
+    samples = cw.read(written(tmp_path, "\n".join(rows)))
+    assert samples.t is not None
+    assert samples.t - NOON.timestamp() - zone == pytest.approx(np.delete(t, 11), abs=2e-6)
+
+
+@pytest.mark.parametrize(("first", "second"), [("2026-03-01 12:00:00", "1.5"), ("1.5", "2026-03-01 12:00:00")])
+def test_dates_beside_seconds_are_refused(tmp_path: Path, first: str, second: str) -> None:
+    header, numbers = ",".join(("t", *WRENCH, *MATRIX)), "1,2,3,4,5,6,1,0,0,0,1,0,0,0,1"
+    path = written(tmp_path, f"{header}\n{first},{numbers}\n{second},{numbers}\n")
+    with pytest.raises(FileFormatError, match=f"row 3, column t: found '{second}'"):
+        cw.read(path)

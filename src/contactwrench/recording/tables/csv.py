@@ -10,7 +10,9 @@ import re
 from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
+from math import isfinite
 from pathlib import Path
 from typing import NoReturn
 
@@ -22,7 +24,7 @@ from ...files import blocks_of_lines, name_of
 from ...geometry.arrays import Array
 from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Body, Column, Naming, OpenTable, places_of, shown
 from .layout import Layout, is_row, layout_of, refuse_units_above
-from .text_cells import PERHAPS_DOTTED, cells, no_number, of_unknown_code, split, value
+from .text_cells import PERHAPS_DOTTED, cells, no_number, of_unknown_code, seconds_of_date, split, value
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", "")
 
@@ -149,7 +151,7 @@ class Lines(Body):
             raise FileFormatError(
                 f"{self.source}: found a header and no rows, expected a row for each reading: add them"
             )
-        values = self._parsed([column.place for column in columns], bool(may_lack))
+        values = self._parsed(columns, bool(may_lack))
         if values is not None:
             lacking = [column in may_lack for column in columns]
             fine = np.isfinite(values)
@@ -176,20 +178,21 @@ class Lines(Body):
                 "thousands or a number with decimals, expected digits and decimals in all rows: write them so"
             )
 
-    def _parsed(self, places: list[int], gaps: bool) -> Array | None:
+    def _parsed(self, columns: Sequence[Column], gaps: bool) -> Array | None:
         """The numbers by numpy, NaN in gaps; None where it cannot tell, or a row has other than `width` cells."""
         whole = {line.count(self._layout.separator) for line in self._lines} == {len(self._layout.names) - 1}
         if any('"' in line for line in self._lines) or not whole:
             whole = all(map(self._is_whole, self._lines))
-        values = self._loaded(self._lines, places) if whole else None
-        return self._loaded(self._filled(), places) if whole and gaps and values is None else values
+        values = self._loaded(self._lines, columns) if whole else None
+        return self._loaded(self._filled(), columns) if whole and gaps and values is None else values
 
-    def _loaded(self, lines: list[str], places: list[int]) -> Array | None:
+    def _loaded(self, lines: list[str], columns: Sequence[Column]) -> Array | None:
         try:
             values: Array = np.loadtxt(
                 lines if self._layout.decimal == "." else [line.translate(POINT_FOR_COMMA) for line in lines],
                 delimiter=self._layout.separator,
-                usecols=places,
+                usecols=[column.place for column in columns],
+                converters={column.place: partial(_date, column) for column in columns if self._has_dates(column)},
                 ndmin=2,
                 comments=None,
                 quotechar='"',
@@ -198,6 +201,14 @@ class Lines(Body):
         except ValueError:
             return None
         return values if len(values) == len(lines) else None
+
+    def _has_dates(self, column: Column) -> bool:
+        """Whether a column of times is written as dates: in the first row, and so in all."""
+        first = split(self._lines[0], self._layout.separator)[column.place :][:1] if column.role == "t" else []
+        try:
+            return bool(first) and isfinite(seconds_of_date(first[0]))
+        except ValueError:
+            return False
 
     def _filled(self) -> list[str]:
         """The rows with nan in cells that lack a number."""
@@ -233,7 +244,8 @@ class Lines(Body):
         comma = self._layout.decimal == ","
         try:
             lacks = not cell or (may_lack and re.fullmatch(LACKING, cell, re.IGNORECASE))
-            number = np.nan if lacks else value(cell.translate(POINT_FOR_COMMA) if comma else cell)
+            read = partial(_date, column) if self._has_dates(column) else value
+            number = np.nan if lacks else read(cell.translate(POINT_FOR_COMMA) if comma else cell)
         except ValueError:
             where = f"{self.source}: row {row}, column {column.name}"
             wrong = no_number(cell, column.name, comma=comma, of_times=column.role == "t")
@@ -247,6 +259,11 @@ class Lines(Body):
         if not cell:
             return FileFormatError(f"{where}: found nothing, expected a number: fill it in or leave the row out")
         return FileFormatError(f"{where}: found {cell[:40]}, expected a finite number: leave the row out")
+
+
+def _date(column: Column, cell: str) -> float:
+    """A date in the unit of its column; the point of its seconds may be that of a file with decimal commas."""
+    return np.nan if cell == "nan" else seconds_of_date(cell.replace("\0", ".")) * column.per_si
 
 
 def _may_be_thousands(values: Array) -> bool:

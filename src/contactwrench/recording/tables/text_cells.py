@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
+from datetime import UTC, datetime
 
 from ...errors import FileFormatError
 from .units import UNREADABLE
@@ -75,6 +76,16 @@ def value(text: str) -> float:
     return float(text)
 
 
+def seconds_of_date(text: str) -> float:
+    """Seconds since 1970 of a date with a time of day, as ISO 8601 has it, in UTC where it names no zone.
+    Raises `ValueError` for anything else.
+    """
+    if ":" not in text:
+        raise ValueError(text)
+    date = datetime.fromisoformat(text)
+    return (date if date.tzinfo is not None else date.replace(tzinfo=UTC)).timestamp()
+
+
 def is_number(text: str) -> bool:
     """Whether a text is a number with a decimal point."""
     try:
@@ -97,6 +108,6 @@ def no_number(cell: str, name: str, *, comma: bool, of_times: bool) -> str:
     mend = "leave the times out, if the rows are poses, with --time-column none" if of_times else "leave the row out"
     if of_times and CLOCK.search(cell):
         mend = f"write those, or {mend}"
-        return f"found {cell[:40]!r}, a date or time of day, expected seconds since the first row: {mend}"
+        return f"found {cell[:40]!r}, a date or time of day, expected s, or 2024-05-01 12:00:00: {mend}"
     again = "found the header again, expected one recording: cut the file there"
     return again if cell == name else f"found {cell[:40]!r}, expected a number: correct it or {mend}"
