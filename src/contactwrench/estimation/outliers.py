@@ -30,8 +30,10 @@ single one may be, too, which nothing shows."""
 TWO_LEVELS = 0.4
 """Odds that there are two levels, before the readings; each pose is on either alike."""
 
-LEVEL_SHARE = 0.0125
-"""Of the weight: how far a level is off, the scale of a half-normal prior."""
+LEVEL_SHARE, USUAL_SHARE = 0.02, 0.0125
+"""Of the weight: how far a level is off, the scale of a half-normal prior; and where that prior alone tells a pose on the
+other level from one in contact.
+"""
 
 MOST_SCATTER = 3.0
 """Times the variance of the noise: errors that scatter less are alike."""
@@ -92,7 +94,7 @@ def probability_of_a_level(n: int, errors: Array, scale: Array, weight: float) -
         return 0.0
     halfway = 0.5 * errors.mean(axis=0)
     force = max(float(np.linalg.norm(halfway[:3])), float(np.linalg.norm(halfway[3:])) / LEVER)
-    share = force / (LEVEL_SHARE * max(abs(weight), 1e-12))
+    share = force / (USUAL_SHARE * max(abs(weight), 1e-12))
     of_level = np.log(TWO_LEVELS) - (n - 1.0) * np.log(2.0) + float(log_half_normal(share))
     of_contact = log_prior_outlying(n, k) - (np.log(WAYS_TO_TOUCH) if k > 1 else 0.0) - np.log(E_FOLDS)
     return float(1.0 / (1.0 + np.exp(min(of_contact - of_level, 700.0))))
