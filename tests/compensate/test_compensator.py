@@ -198,7 +198,7 @@ def test_nothing_is_compiled_at_the_first_sample() -> None:
 
     calibration, rig, rng = calibrated(3)
     compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, fast=True)
-    kernel: Any = compiled()
+    kernel: Any = compiled(False)
     before = len(kernel.signatures)
     R = swinging(rng, 20)
     samples = cw.Samples(free(rig, R, rng), R, times(20))

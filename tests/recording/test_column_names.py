@@ -126,6 +126,7 @@ def test_units_of_torque(tmp_path: Path, unit: str, newton_metre: float) -> None
         ("IPOC", 7e-3),
         ("Zeit / ms", 7e-3),
         ("sim_time", 7.0),
+        ("%time,sim_time", 7e-9),
         ("recv_time_ms,seq,timestamp", 9.0),
         ("sample_time", None),
     ],

@@ -243,7 +243,7 @@ def steps_of(fast: bool | None) -> type[Plain] | type[Compiled]:
 
 
 @cache
-def compiled(inertia: bool = False) -> Callable[..., int]:
+def compiled(inertia: bool) -> Callable[..., int]:
     """`take` of the step, compiled by numba over records and arrays: of a tool whose inertia is known, or without
     it, in two thirds of the time. Raises `MissingExtraError` without numba, and `InputError` where it is switched off.
     """

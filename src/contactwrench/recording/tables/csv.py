@@ -28,7 +28,7 @@ from .text_cells import PERHAPS_DOTTED, cells, no_number, of_unknown_code, secon
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", "")
 
-LACKING = r"#?n/?a|null|none|<na>|-?nan\(?(?:ind|snan)\)|-?1\.#(?:qnan|ind)\d*"
+LACKING = r"#?n/?a|null|none|<na>|-?nan\((?:ind|snan)\)|-?1\.#(?:qnan|ind)\d*"
 """What stands for no number, in any case, beside nothing and nan: of pandas' `na_values`, and of printf on Windows."""
 BOOLEANS = {"true": 1.0, "false": 0.0}
 POINT_FOR_COMMA = str.maketrans(",.", ".\0")

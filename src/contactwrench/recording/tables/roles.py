@@ -177,7 +177,7 @@ def _preference(times: tuple[Candidate, ...]) -> int:
         return 0
     if "header" in of or (len(times) > 1 and (not of or "stamp" in of)):
         return 1
-    return 3 if of in (["%time"], ["rosbagtimestamp"]) or OTHER_CLOCKS & set(of) else 2
+    return 4 if OTHER_CLOCKS & set(of) else 3 if of in (["%time"], ["rosbagtimestamp"]) else 2
 
 
 def _as_times(header: Header, times: tuple[Candidate, ...]) -> tuple[Column, ...]:
