@@ -240,6 +240,18 @@ def test_few_rows_may_be_pushes_alone_and_those_without_a_contact_wrench_do_not_
     assert ("in 100% of the rows" in str(off)) is asked
 
 
+@pytest.mark.parametrize(("newton_metres", "asked"), [(0.15, False), (0.45, True)])
+def test_torque_left_is_held_against_that_of_a_long_tool(newton_metres: float, asked: bool) -> None:
+    """A tenth of 10 N at 30 cm, 0.3 N m; at 5 cm it would be 0.05."""
+    rng = np.random.default_rng(1)
+    R = Rotation.random(24, random_state=rng).as_matrix()
+    force = -10.0 * R[:, 2, :]
+    wrench = np.hstack([force, np.cross([0.1, 0.2, 0.2], force)]) + 1e-4 * rng.normal(size=(24, 6))
+    off = OffThroughout(cw.calibrate(cw.Samples(wrench, R), "mount"))
+    off.add(ContactWrenches(np.tile([0.0, 0.0, 0.0, newton_metres, 0.0, 0.0], (200, 1)), np.zeros((200, 6))))
+    assert ("N m are left of the torque in 100% of the rows" in str(off)) is asked
+
+
 @pytest.mark.parametrize(("each", "seconds", "asked"), [(11, 30.0, True), (10, 30.0, False), (21, 180.0, False)])
 @pytest.mark.parametrize("long", [0, 12])
 def test_many_short_contacts_are_asked_about(each: int, seconds: float, asked: bool, long: int) -> None:

@@ -175,7 +175,7 @@ def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool, inertia:
 @kernel
 def weigh(s: State, sample: Sample, passed: float, fresh: bool, fresh_pose: bool, inertia: bool | None) -> None:
     """The statistic of the contact wrench and its std; in motion both know what is noisier then."""
-    moving = follow_turn(s, sample.time, passed, fresh, fresh_pose) or s.knows_inertia
+    moving = follow_turn(s, sample.time, passed, fresh, fresh_pose) or inertia is not None
     if inertia is not None:
         sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample, fresh))
     else:

@@ -31,7 +31,9 @@ MOST_MOVED = 1.0 / 3.0
 LEAST_OF_PART, CHANGED = 3, 0.01
 """Poses before and after a change of the weight, at least, and of the weight."""
 MOST_FLIPS, UNEQUAL = 200, 4.0
-"""Poses that change sides in search of two weights; how much less than chance these must leave, as axes are unequal."""
+"""Visits that change sides in search of two weights; and by what factor these are to leave less than by chance, as all
+axes count alike, and one may have twice the noise of another.
+"""
 WEIGHT_AND_BIAS = (LINEAR_PARAMETERS[0], *LINEAR_PARAMETERS[4:])
 ALLOWED, NEGLIGIBLE = 3.0, 0.002
 """Standard deviations of the weight, and part of it: creep that makes it wrong by less than either is not said. No data
@@ -279,6 +281,8 @@ def two_weights(fit: RigidEstimate, R_base_flange: Array, force: Array, number: 
         if not (best := int(np.argmax(explained := pulls**2 / own))):
             break
         heavier[best - 1] ^= True
+    else:
+        return []
     share, by_weights = float(pulls[0] / own[0]), float(explained[0])
     level = heavier - basis @ (basis.T @ heavier)
     by_levels = float(np.sum((level @ left) ** 2) / max(level @ level, 1e-300))
@@ -287,7 +291,8 @@ def two_weights(fit: RigidEstimate, R_base_flange: Array, force: Array, number: 
     part = heavier if 2 * heavier.sum() <= n else ~heavier
     numbers, what = [str(1 + k) for k in number[part]], "pose" if n == fit.kept.sum() else "visit"
     more = f" and {counted(len(numbers) - MOST_NAMED, 'more ' + what)}" if len(numbers) > MOST_NAMED else ""
-    by = f"{two_digits(abs(share) * fit.weight_scale)} N {'more' if (part is heavier) == (share > 0.0) else 'less'}"
+    more_there = share if part is heavier else -share
+    by = f"{two_digits(abs(share) * fit.weight_scale)} N {'more' if more_there > 0.0 else 'less'}"
     text = f"the tool weighs {by} in {what} {', '.join(numbers[:MOST_NAMED])}{more} than in the others: "
     text += "something was held or touched; calibrate the poses without it alone"
     sure = by_chance < np.log(SIGNIFICANCE) and by_weights > by_levels and part.sum() >= LEAST_OF_PART

@@ -47,8 +47,9 @@ class PoseTrack:
 
     def __init__(self) -> None:
         self._poses: deque[tuple[float, Four, Three]] = deque(maxlen=KEPT)
-        self.period, self.stale_after = 0.0, LEAST_AGE
-        """s from one to the next; and the age, s, from which a pose says nothing of now."""
+        self.period = 0.0
+        self.stale_after = LEAST_AGE
+        """Age (s) from which a pose says nothing of now."""
         self._changed, self._usual, self._speed, self._steady = -inf, 0.0, 0.0, False
 
     def add(self, t: float, orientation: Four, position: Three | None) -> bool:
