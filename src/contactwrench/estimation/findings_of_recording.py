@@ -274,17 +274,18 @@ def two_weights(fit: RigidEstimate, R_base_flange: Array, force: Array, number: 
     size, match, of_basis = np.sum(pull**2, axis=1), np.sum(pull * left, axis=1), basis[:, :, None] * pull[:, None]
     heavier, least = match > 0.0, 1e-6 * size.mean() + 1e-300
     for _ in range(MOST_FLIPS):
-        flip = np.r_[0.0, 1.0 - 2.0 * heavier]  # no pose, or one of them
-        pulls = heavier @ match + flip * np.r_[0.0, match]
-        of_set = np.tensordot(heavier, of_basis, 1) + flip[:, None, None] * np.r_[0.0 * of_basis[:1], of_basis]
-        own = np.maximum(heavier @ size + flip * np.r_[0.0, size] - np.sum(of_set**2, axis=(1, 2)), least)
-        if not (best := int(np.argmax(explained := pulls**2 / own))):
+        other_side = 1.0 - 2.0 * heavier  # what a visit that changes sides adds or takes
+        along, in_basis, own = heavier @ match, np.tensordot(heavier, of_basis, 1), heavier @ size
+        now = max(own - float(np.sum(in_basis**2)), least)
+        changed_in_basis = in_basis + other_side[:, None, None] * of_basis
+        changed = np.maximum(own + other_side * size - np.sum(changed_in_basis**2, axis=(1, 2)), least)
+        explained = (along + other_side * match) ** 2 / changed
+        if explained.max() <= (by_weights := float(along**2 / now)):
             break
-        heavier[best - 1] ^= True
+        heavier[np.argmax(explained)] ^= True
     else:
         return []
-    share, by_weights = float(pulls[0] / own[0]), float(explained[0])
-    level = heavier - basis @ (basis.T @ heavier)
+    share, level = float(along / now), heavier - basis @ (basis.T @ heavier)
     by_levels = float(np.sum((level @ left) ** 2) / max(level @ level, 1e-300))
     ratio = 1.0 / max(1.0 - by_weights / max(float(np.sum(left**2)), 1e-300), 1e-12)
     by_chance = (n - 1.0) * np.log(2.0) - 0.5 * (3.0 * n - 13.0) * np.log(ratio / UNEQUAL)

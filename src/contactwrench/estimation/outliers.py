@@ -31,9 +31,8 @@ TWO_LEVELS = 0.4
 """Odds that there are two levels, before the readings; each pose is on either alike."""
 
 LEVEL_SHARE, USUAL_SHARE = 0.02, 0.0125
-"""Of the weight: how far a level is off, the scale of a half-normal prior; and where that prior alone tells a pose on
-the other level from one in contact.
-"""
+"""Of the weight: how far a level is off, the scale of a half-normal prior; and where that alone tells a level from a
+contact."""
 
 MOST_SCATTER = 3.0
 """Times the variance of the noise: errors that scatter less are alike."""

@@ -176,9 +176,8 @@ class OffThroughout:
 
     def __init__(self, calibration: Calibration) -> None:
         of_row = variance_of_means(calibration.noise, calibration.fitted_poses, np.ones(1))[0]
-        B = calibration.B
-        own_torque = np.r_[0.0, np.linalg.norm(B[3:, :3], 2)]
-        self.part = PART_OF_WEIGHT * np.maximum(weight_scale(B) * PER_NEWTON[::3], own_torque)
+        own_torque = np.r_[0.0, np.linalg.norm(calibration.B[3:, :3], 2)]
+        self.part = PART_OF_WEIGHT * np.maximum(weight_scale(calibration.B) * PER_NEWTON[::3], own_torque)
         self.variance, self.least = np.sum(of_row.reshape(2, 3), axis=1), np.zeros(2)
         self.rows, self.off = 0, np.zeros(2, dtype=int)
 

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
-from math import isfinite
+from math import inf
 from pathlib import Path
 from typing import NoReturn
 
@@ -197,6 +197,7 @@ class Lines(Body):
                 comments=None,
                 quotechar='"',
                 dtype=np.float64,
+                encoding=None,
             )
         except ValueError:
             return None
@@ -204,10 +205,10 @@ class Lines(Body):
 
     def _has_dates(self, column: Column) -> bool:
         """Whether a column of times is written as dates: in the first row, and so in all."""
-        first = split(self._lines[0], self._layout.separator)[column.place :][:1] if column.role == "t" else []
         try:
-            return bool(first) and isfinite(seconds_of_date(first[0]))
-        except ValueError:
+            cell = split(self._lines[0], self._layout.separator)[column.place] if column.role == "t" else ""
+            return seconds_of_date(cell) < inf
+        except (ValueError, IndexError):
             return False
 
     def _filled(self) -> list[str]:
