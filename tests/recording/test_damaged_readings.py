@@ -15,7 +15,7 @@ import contactwrench as cw
 from contactwrench.errors import InputError
 from contactwrench.samples.flange_motion import flange_motion
 from contactwrench.samples.limits import at_limit
-from contactwrench.samples.samples import spikes
+from contactwrench.samples.spikes import spikes
 from tests.support.recordings import WRENCH, csv_text, run, written
 
 QUAT = ("qx", "qy", "qz", "qw")

@@ -1,6 +1,4 @@
-"""What the recording itself says of a result: stretches left out, poses on the way, creep of the sensor, and a weight
-that did not stay.
-"""
+"""What the recording itself says of a result: stretches left out, poses on the way, creep, a weight that changed."""
 
 from __future__ import annotations
 
@@ -18,7 +16,8 @@ from ..samples.creep import Creep
 from ..samples.delay import TWO_CLOCKS, is_significant
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.recorded_poses import RecordedPoses
-from ..samples.samples import Samples, spikes
+from ..samples.samples import Samples
+from ..samples.spikes import spikes
 from ..statistics import counted, force_and_torque, two_digits
 from .estimate import Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, SIGNIFICANCE, WARNING, WEAK, those_that_hold

@@ -87,6 +87,8 @@ LIKELIEST_CAUSE = (
 REVERSED = "tx, ty and tz reversed"
 LEAST_COUNT = 300.0
 """N m, beyond what wrist sensors measure, and whole numbers at that."""
+FIRST = 1_000
+"""Readings that show most often that not all are alike, or whole."""
 USUAL = 1.5
 """Of the logarithm of a centre of mass: by so much torques in N mm are forgiven, as they are commoner than the rest."""
 
@@ -253,7 +255,7 @@ def require_alive(wrench: Array, source: str) -> None:
 def _counts(samples: Samples) -> tuple[Finding, ...]:
     """That all readings are whole numbers and torques large: a converter's counts, which a rigid tool fits as well."""
     most = float(np.abs(samples.wrench[:, 3:]).max(initial=0.0))
-    if most < LEAST_COUNT or (samples.wrench != np.rint(samples.wrench)).any():
+    if most < LEAST_COUNT or any((some != np.rint(some)).any() for some in (samples.wrench[:FIRST], samples.wrench)):
         return ()
     text = (
         f"all readings are whole numbers, of torque up to {most:.0f}: a converter's counts, not N and N m? divide them "
@@ -267,7 +269,8 @@ def dead_channels(samples: Samples, gravity_direction: Array) -> tuple[Finding, 
     Raises `InputError` where none is alive.
     """
     require_alive(samples.wrench, samples.source)
-    dead = np.ptp(samples.wrench, axis=0) == 0.0
+    dead = np.ptp(samples.wrench[:FIRST], axis=0) == 0.0
+    dead = np.ptp(samples.wrench, axis=0) == 0.0 if dead.any() else dead
     if not dead.any() or not tilts_widely(samples.R_base_flange, gravity_direction):
         return _counts(samples)
     named = ", ".join(f"{axis} = {samples.wrench[0, k]:g}" for k, axis in enumerate(AXES) if dead[k])

@@ -40,8 +40,8 @@ def rotation_log(R: Array) -> Array:
 
 def angles_between(R_a: Array, R_b: Array) -> Array:
     """The angles (n,), rad, from rotations (n, 3, 3) to others, or from one to all; exact for the smallest."""
-    chord = np.sqrt(np.sum((R_b - R_a) ** 2, axis=(1, 2)))
-    return np.asarray(2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0)))
+    off = (R_b - R_a).reshape(-1, 9)
+    return np.asarray(2.0 * np.arcsin(np.minimum(np.sqrt(np.einsum("ni,ni->n", off, off) / 8.0), 1.0)))
 
 
 def procrustes(M: Array) -> Array:

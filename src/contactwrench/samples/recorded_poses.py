@@ -7,6 +7,7 @@ more of its turning lies between rows that follow one another on the way than in
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,12 +162,12 @@ def told_by_times(samples: Samples, label: NDArray[np.intp]) -> tuple[StillNoise
     return still_noise_of([samples.wrench[k] for k in rows], period), _creep_of_rows(samples, samples.t, label)
 
 
-def _even_rows(t: Array, label: NDArray[np.intp]) -> tuple[list[NDArray[np.intp]], float]:
+def _even_rows(t: Array, label: NDArray[np.intp]) -> tuple[list[slice], float]:
     """The rows of a table that follow each other at one orientation, where they come evenly, and their period, s."""
     step = np.diff(t)
     usual = float(np.median(step[label[1:] == label[:-1]])) if (label[1:] == label[:-1]).any() else 0.0
     ends = np.flatnonzero((label[1:] != label[:-1]) | (np.abs(step - usual) > 0.5 * usual)) + 1
-    return [rows for rows in np.split(np.arange(len(t)), ends) if len(rows)], usual
+    return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(t)])], usual
 
 
 def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, ...]:
@@ -239,7 +240,7 @@ def _stops(samples: Samples, segments: tuple[StillSegment, ...]) -> list[Stop]:
         far = np.flatnonzero(np.sum(on_the_way**2, axis=(1, 2)) > 2.0 * SAME_POSE_ANGLE**2)
         came = before + int(far[-1]) + 1 if len(far) else segment.first
         before = segment.last + 1
-        stops.append(_stop(samples, t, np.arange(segment.first, before), float(t[came])))
+        stops.append(_stop(samples, t, segment.first, before, float(t[came])))
     return stops
 
 
@@ -250,17 +251,20 @@ def _creep_of_rows(samples: Samples, t: Array, label: NDArray[np.intp]) -> Creep
     came, stops = (t if samples.came is None else samples.came), []
     edges = np.r_[0, np.flatnonzero(label[1:] != label[:-1]) + 1, len(t)]
     of_use = np.flatnonzero(np.diff(edges) >= FEWEST_ROWS)[:MOST_STOPS]
-    for visit in (np.arange(edges[k], edges[k + 1]) for k in of_use):
-        gaps = np.flatnonzero(np.diff(t[visit]) > GAP * (t[visit[-1]] - t[visit[0]])) + 1
-        stops += [_stop(samples, t, rows, float(came[visit[0]])) for rows in np.split(visit, gaps) if len(rows) > 1]
+    for first, end in zip(edges[of_use].tolist(), edges[of_use + 1].tolist(), strict=True):
+        visit = t[first:end]
+        gaps = first + 1 + np.flatnonzero(np.diff(visit) > GAP * (visit[-1] - visit[0]))
+        parts = pairwise([first, *gaps.tolist(), end])
+        stops += [_stop(samples, t, a, b, float(came[first])) for a, b in parts if b - a > 1]
     return creep_of(stops)
 
 
-def _stop(samples: Samples, t: Array, rows: NDArray[np.intp], came: float) -> Stop:
+def _stop(samples: Samples, t: Array, first: int, end: int, came: float) -> Stop:
     """Rows at one orientation, to which the arm `came` then."""
-    earlier, later = (samples.R_base_flange[half].mean(axis=0) for half in np.array_split(rows, 2))
+    half = (first + end + 1) // 2
+    earlier, later = (samples.R_base_flange[rows].mean(axis=0) for rows in (slice(first, half), slice(half, end)))
     turn = float(np.linalg.norm(later - earlier) / np.sqrt(2.0))
-    return Stop(samples.wrench[rows, :3], came, float(t[rows[0]]), float(t[rows[-1]]), turn)
+    return Stop(samples.wrench[first:end, :3], came, float(t[first]), float(t[end - 1]), turn)
 
 
 def _never_still(samples: Samples, still: StillSegments) -> str:

@@ -25,14 +25,8 @@ LARGEST_READING = READING.most
 CODES, CODE_BEYOND = 10.0 ** np.arange(3, 10) - 1.0, 5.0
 """What stands for no number, 999 to 999999999; and times the largest other number of its column."""
 NOT_KNOWN = "delay_std", np.inf  # of two clocks
-SPIKE, SPIKE_OF_SPAN, SPAN_LEAST, AGREE = 30.0, 0.5, 0.05, 0.1
-"""Times the usual jump from row to row, and of what the channel spans but for so much at each end: a spike jumps
-further, and its neighbours differ by no more of it than that. Of nine measured recordings one has any, 5 in contact.
-"""
 SLOWEST = 0.25
 """s from row to row: a stream has four rows a second or more."""
-STAYS = 0.1
-"""Of a rotation's entries: rows that are apart by more do not tell what a reading in between should be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,23 +256,6 @@ def stands_for_none(written: Array, least: float = CODES[1]) -> NDArray[np.bool_
     is_code = np.isin(np.rint(size), CODES) & (np.abs(size - np.rint(size)) < 1e-6)
     largest = np.max(np.where(is_code | np.isnan(size), 0.0, size), axis=0)
     return np.asarray(is_code & large & (size > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5))
-
-
-def spikes(samples: Samples) -> NDArray[np.bool_]:
-    """Whether readings (n,) jump from both neighbours, which agree, as no tool and no push does while the arm stays."""
-    wrench, spiked = samples.wrench, np.zeros(len(samples), dtype=bool)
-    if samples.t is None or len(wrench) <= LONGEST_CHANCE:
-        return spiked
-    step, turn = np.diff(samples.t), np.abs(np.diff(samples.R_base_flange, axis=0)).max(axis=(1, 2))
-    in_turn = (step > 0.0) & (step <= SLOWEST) & (turn < STAYS)
-    before, after = wrench[:-2], wrench[2:]
-    jump = np.abs(wrench[1:-1] - 0.5 * (before + after))
-    usual = [np.median(each[each > 0.0]) if each.any() else np.inf for each in jump.T]  # digits that stay jump by none
-    span = np.ptp(np.quantile(wrench, [SPAN_LEAST, 1.0 - SPAN_LEAST], axis=0), axis=0)
-    far = jump > np.maximum(SPIKE * np.array(usual), SPIKE_OF_SPAN * span)
-    alone = in_turn[:-1] & in_turn[1:]
-    spiked[1:-1] = alone & np.any(far & (np.abs(after - before) < AGREE * jump), axis=1)
-    return spiked
 
 
 def _rotations(R: Array) -> Array:

@@ -56,15 +56,17 @@ def still_noise_of(readings: Sequence[Array], period: float) -> StillNoise | Non
         rows = round(duration / period) if period > FINEST else 0
         if rows < 1 or abs(rows * period - duration) > WITHIN * duration:
             continue
-        means = [y[: len(y) // rows * rows].reshape(-1, rows, 6).mean(axis=1) for y in readings if len(y) >= 2 * rows]
+        even, parts = np.full(rows, 1.0 / rows), (y[: len(y) // rows * rows].reshape(-1, rows, 6) for y in readings)
+        means = [even @ part for part in parts if len(part) >= 2]
         steps = np.concatenate([np.empty((0, 6)), *(np.diff(mean, axis=0) for mean in means)])
         if len(steps) >= FEWEST_PAIRS:
             known.append((duration, np.sqrt(0.5 * np.mean(steps**2, axis=0))))
     if not known:
         return None
     apart = max(round(DURATIONS[0] / period), 1)
-    steps = np.concatenate([y[apart:] - y[:-apart] for y in readings])
-    row_std = np.sqrt(0.5 * np.mean(steps**2, axis=0))
+    moved = [y[apart:] - y[:-apart] for y in readings]
+    squares = np.sum([np.einsum("na,na->a", steps, steps) for steps in moved], axis=0)
+    row_std = np.sqrt(0.5 * squares / sum(map(len, moved)))
     return StillNoise(np.array([d for d, _ in known]), np.array([std for _, std in known]), row_std)
 
 
