@@ -40,10 +40,18 @@ class History:
     def __init__(self) -> None:
         self._rows = np.empty((2 * ROOM, 11))
         self._end = 0
+        self._fresh = deque[tuple[float, ...]](maxlen=ROOM)
+        """Those that came since it was looked at: an array takes longer for one row than for a hundred."""
 
     def add(self, turn: Turn) -> None:
         """The readings of a turn that may be used."""
-        good = [(t, *wrench, *orientation) for t, _, wrench, orientation, flaw in turn.readings if not flaw][-ROOM:]
+        for t, _, wrench, orientation, flaw in turn.readings:
+            if not flaw:
+                self._fresh.append((t, *wrench, *orientation))
+
+    def _take_in(self) -> None:
+        good = [*self._fresh]
+        self._fresh.clear()
         if self._end + len(good) > 2 * ROOM:
             kept = self._rows[self._end - ROOM : self._end]
             self._rows[: len(kept)] = kept
@@ -54,6 +62,7 @@ class History:
 
     def last(self, seconds: float) -> tuple[Array, Array, Array]:
         """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds, as views."""
+        self._take_in()
         if not self._end:
             return self._rows[:0, 0], self._rows[:0, 1:7], self._rows[:0, 7:]
         first = max(self._end - ROOM, 0)

@@ -8,7 +8,7 @@ takes as long as the sample; whenever it is busy for longer, as with a fit, the 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from queue import Empty, Queue, SimpleQueue
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, TypeAlias
@@ -60,7 +60,9 @@ class Reader:
         self._given = self._taken = self._full = 0
         self._ended = False
         self._reads, self._stands_by_until = Lock(), 0.0
-        self._stream, self._failure = iter(()), None
+        self._stream: Iterator[Batch] = iter(())
+        self._failure: Exception | None = None
+        self._reads.acquire()  # by its own thread
         self.put(about)
         self.put(early)
         self._thread = Thread(target=self._run, name=f"reads {source.uri}", daemon=True)
@@ -95,7 +97,7 @@ class Reader:
         """Wait for what comes next, and put it, in the calling thread; False: its own thread is at it. That one stands
         by from now on, and goes on where this is not called for `TURN` s.
         """
-        if not self._passes:
+        if not self._passes or self._failure is not None or self._stop.is_set():
             return False
         self._stands_by_until = now() + 2.0 * TURN
         if not self._reads.acquire(blocking=False):
@@ -123,7 +125,6 @@ class Reader:
 
     def _run(self) -> None:
         about: About | None = self.about
-        self._reads.acquire()
         while not self._stop.is_set():
             try:
                 if about is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite, nan
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from .intake import STREAMING, Intake
 from .pose_track import NEEDED, PoseFeed
 from .sink import Reading, Turn
 from .snapshot import Contact, Running
-from .source import UNKNOWN, About, Four, Sample, Six
+from .source import NO_WRENCH, UNKNOWN, About, Four, Sample, Six
 
 CONTACTS_SHOWN = 20
 ZERO_OVER = 0.5
@@ -101,8 +101,8 @@ class Runner:
         self._begun = min(self._begun, reading.t)
         if self._feed is not None and (doubt := self._feed.doubt(reading.t - self.delay, reading.t, longest)):
             orientation, why = UNKNOWN, why or doubt
-        wrench = np.full(6, nan) if reading.flaw else self.sign * np.array(reading.wrench)
-        made = self._compensator(wrench, np.array(orientation), reading.t)
+        wrench = np.array(NO_WRENCH if reading.flaw else reading.wrench)
+        made = self._compensator(wrench if self.sign > 0.0 else -wrench, np.array(orientation), reading.t)
         if why:
             made = replace(made, valid=False, reason=Reason(why))
         if not made.valid:
