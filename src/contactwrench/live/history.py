@@ -18,6 +18,8 @@ from .sink import Turn
 
 ROOM = 32_768
 """Readings: 3 s of a sensor at 10 kHz."""
+STOPPED = 1.0
+"""s: of steady bursts no two lie further apart (arrivals.py)."""
 SECONDS, RATE = 180, 1_000
 """Kept of a motion, and rows of each stream in a second at most."""
 EVERY, WINDOW = 0.1, 0.5
@@ -60,10 +62,12 @@ class History:
             self._rows[self._end : self._end + len(good)] = good
             self._end += len(good)
 
-    def last(self, seconds: float) -> tuple[Array, Array, Array]:
-        """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds, as views."""
+    def last(self, seconds: float, now: float = -inf) -> tuple[Array, Array, Array]:
+        """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds, as views; none, where `now` (s) is
+        told, of a sensor that has given no good reading for `STOPPED` s.
+        """
         self._take_in()
-        if not self._end:
+        if not self._end or now - self._rows[self._end - 1, 0] > STOPPED:
             return self._rows[:0, 0], self._rows[:0, 1:7], self._rows[:0, 7:]
         first = max(self._end - ROOM, 0)
         t = self._rows[first : self._end, 0]

@@ -141,10 +141,12 @@ class Runner:
         self._said, self._ended = [], []
         return said, ended
 
-    def zero(self, history: History) -> str:
-        """Take the bias anew from what a free tool reads now; what it did, in words. Raises `InputError`."""
-        t, wrench, orientation = history.last(ZERO_OVER)
-        if not len(t) or not np.isfinite(orientation).all():
+    def zero(self, history: History, now: float) -> str:
+        """Take the bias anew from what a free tool reads `now`, s; what it did, in words. Raises `InputError`."""
+        t, wrench, orientation = history.last(ZERO_OVER, now)
+        if not len(t):
+            raise InputError("no new zero: no reading comes that can be used, expected both streams: wait for them")
+        if not np.isfinite(orientation).all():
             raise InputError("no new zero: the robot's orientation is missing, expected both streams: wait for them")
         zero = self._compensator.zero(Samples(self.sign * wrench, from_quat_xyzw(orientation), t.copy()))
         self._touching = False

@@ -209,12 +209,12 @@ class Session:
                 self._saved = self.calibration, self._save(self.calibration)
                 self._happened([("saved", f"calibration written to {self.saved}")], t)
             elif command is Command.ZERO and self._runner is not None:
-                self._happened([("zero", self._runner.zero(self._history))], t)
+                self._happened([("zero", self._runner.zero(self._history, t))], t)
             elif command is Command.RECORD:
                 self.recording = not self.recording
                 self._happened([("record", f"recording is {'on' if self.recording else 'off'}")], t)
             else:
-                self._happened(self._wizard.do(command, number, self._history), t)
+                self._happened(self._wizard.do(command, number, self._history, t), t)
                 if self.phase is not Phase.RUN:
                     self._runner = None
                 elif self._runner is None and self._wizard.calibration is not None:
