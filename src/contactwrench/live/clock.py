@@ -90,7 +90,10 @@ class Clock:
             self._is_fast = not self._is_known and self._arrived - self._unknown_from >= FALLS
         known = self._is_known or self._is_fast
         for arrival, device in stamps:
-            times.append((self._time(arrival, device), known or isnan(device)))
+            none = isnan(device)
+            t = arrival if none else (told := device * self.pace) + self._at(told)
+            self.lateness += 0.01 * (arrival - t - self.lateness)
+            times.append((t, known or none))
 
     def _see(self, arrival: float, device: float) -> None:
         self._device, self._arrived = device, arrival
@@ -110,12 +113,6 @@ class Clock:
                     self._bins.clear()
                     self._rate = 0.0
                 self._line = self._least
-
-    def _time(self, arrival: float, device: float) -> float:
-        device *= self.pace
-        t = arrival if isnan(device) else device + self._at(device)
-        self.lateness += 0.01 * (arrival - t - self.lateness)
-        return t
 
     def _at(self, device: float) -> float:
         return self._line[1] + self._rate * (device - self._line[0])

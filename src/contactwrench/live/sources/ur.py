@@ -121,7 +121,7 @@ class UrDecoder:
         buffer, size = self._buffer + data, self._size
         header, unpack = self._recipe.header, self._recipe.struct.unpack_from
         at = 0
-        while True:
+        while at < len(buffer):
             start = buffer.find(header, at)
             if start == at and len(buffer) - at >= size:
                 self._sample(unpack(buffer, at + len(header)), arrival, batch)
