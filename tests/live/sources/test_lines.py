@@ -293,7 +293,7 @@ def test_what_a_uri_states_wrong_is_said_before_any_line_comes(option: str, said
     with pytest.raises(InputError) as refused:
         source_of(f"udp://:9000?{option}")
     assert str(refused.value).startswith(f"udp://:9000?{option}: {said}")
-    source_of(f"udp://:9000?units=force=kgf&columns=t,{WRENCH}").close()
+    source_of(f"udp://:9000?units=force=kgf,torque=kgfm&columns=t,{WRENCH}&orientation=auto").close()
 
 
 def test_a_port_that_nobody_sends_to(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -158,8 +158,8 @@ class _Lines(Reader[AnyLink]):
         self._columns = [name.strip() for name in uri.options.get("columns", "").split(",") if name.strip()]
         try:
             stated_units(self._naming.units)
-            if self._naming.orientation != "auto":
-                convention(self._naming.orientation)
+            if (named := uri.options.get("orientation", "auto")) != "auto":
+                convention(named)
             self._fresh()
         except InputError as error:
             raise InputError(f"{uri}: {str(error).removeprefix('the line: ').removeprefix('--')}") from None
