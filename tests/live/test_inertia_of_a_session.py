@@ -57,6 +57,13 @@ def test_free_motion_is_no_contact(pose_rate: int, less: float, jitter: float) -
     assert instruction(snapshot) == "Running. The tool's inertia is subtracted."
 
 
+def test_what_poses_tell_that_come_alone_is_said_with_the_next_reading() -> None:
+    """It was said of a turn with both, and lost else."""
+    turns = Devices(125).turns(swung())
+    apart = (part for now, sensor, poses in turns for part in ((now, Batch(), poses), (now, sensor, Batch())))
+    assert inertia_said(fed(apart)) == [("inertia", "note", SUBTRACTED)]
+
+
 @pytest.mark.parametrize(("pose_rate", "force"), [(500, 5.0), (125, 10.0)])
 def test_a_push_in_motion_is_found(pose_rate: int, force: float) -> None:
     arm = swung(force)

@@ -257,6 +257,28 @@ def test_a_new_zero_is_taken_and_a_touched_tool_gives_none(calibration: cw.Calib
     assert drive.said("refusal")[0].startswith("no new zero: ")
 
 
+def test_readings_of_before_a_silence_give_no_zero_and_no_pose(calibration: cw.Calibration) -> None:
+    running, guided = Driver(world(10), calibration), Driver(world(11))
+    running.play(running.world.stand(1.5))
+    guided.push_test()
+    guided.play(guided.world.move(Rotation.random(random_state=2)))
+    guided.play(guided.world.hold(0.4, np.zeros(3)))
+    for drive in (running, guided):
+        drive.world.t += 1.5
+    running.do(Command.ZERO)
+    guided.do(Command.CAPTURE)
+    expected = "no new zero: no reading comes that can be used, expected both streams: wait for them"
+    assert running.said("refusal") == [expected]
+    assert guided.said("refusal") == ["no pose: readings or orientations are missing; wait until both come"]
+    for drive in (running, guided):
+        drive.play(drive.world.hold(1.0, np.zeros(3)))
+    running.do(Command.ZERO)
+    guided.do(Command.CAPTURE)
+    assert [len(drive.said("refusal")) for drive in (running, guided)] == [1, 1]
+    assert running.said("zero")
+    assert guided.said("pose")
+
+
 def test_a_zero_that_moved_is_taken_anew(calibration: cw.Calibration) -> None:
     """From the first reading on, so that its contact began when nobody looked; while the arm runs it takes ten s."""
     moved = np.array([0.5, -0.3, 0.4, 0.02, 0.0, 0.01])

@@ -8,7 +8,7 @@ smallest delay itself, a fraction of a ms on a wire, cannot be seen, and is left
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 from math import inf, isnan
 
@@ -72,31 +72,28 @@ class Clock:
         has nothing to do with it. They are not known until what waited then has come, `EMPTY`, or is no queue, `FALLS`.
         """
         times = list[tuple[float, bool]]()
-        for part in self._parts(stamps, anew):
-            for arrival, device in part:
-                if not isnan(device):
-                    self._see(arrival, device)
-            if not self._is_known:
-                self._is_known = self._arrived - self._fell[0] >= EMPTY
-                self._is_fast = not self._is_known and self._arrived - self._unknown_from >= FALLS
-            known = self._is_known or self._is_fast
-            times += [(self._time(arrival, device), known or isnan(device)) for arrival, device in part]
-        return times
-
-    def _parts(
-        self, stamps: Sequence[tuple[float, float]], anew: Collection[int]
-    ) -> Iterator[Sequence[tuple[float, float]]]:
-        """The stamps, parted where the device began anew."""
-        begin, latest = 0, self._device
         for k, (arrival, device) in enumerate(stamps):
-            if device < latest or k in anew:
-                yield stamps[begin:k]
+            if device < self._device or k in anew:
+                self._tell(stamps[len(times) : k], times)
                 self.reset()
-                begin = k
                 self._beginnings = self._beginnings + 1 if arrival - self._began < AGAIN else 1
                 self._began = arrival
-            latest = latest if isnan(device) else device
-        yield stamps[begin:]
+            if not isnan(device):
+                self._see(arrival, device)
+        self._tell(stamps[len(times) :], times)
+        return times
+
+    def _tell(self, stamps: Sequence[tuple[float, float]], times: list[tuple[float, bool]]) -> None:
+        """Append the times of samples, all of which were seen."""
+        if not self._is_known:
+            self._is_known = self._arrived - self._fell[0] >= EMPTY
+            self._is_fast = not self._is_known and self._arrived - self._unknown_from >= FALLS
+        known = self._is_known or self._is_fast
+        for arrival, device in stamps:
+            none = isnan(device)
+            t = arrival if none else (told := device * self.pace) + self._at(told)
+            self.lateness += 0.01 * (arrival - t - self.lateness)
+            times.append((t, known or none))
 
     def _see(self, arrival: float, device: float) -> None:
         self._device, self._arrived = device, arrival
@@ -116,12 +113,6 @@ class Clock:
                     self._bins.clear()
                     self._rate = 0.0
                 self._line = self._least
-
-    def _time(self, arrival: float, device: float) -> float:
-        device *= self.pace
-        t = arrival if isnan(device) else device + self._at(device)
-        self.lateness += 0.01 * (arrival - t - self.lateness)
-        return t
 
     def _at(self, device: float) -> float:
         return self._line[1] + self._rate * (device - self._line[0])

@@ -18,6 +18,8 @@ from .sink import Turn
 
 ROOM = 32_768
 """Readings: 3 s of a sensor at 10 kHz."""
+STOPPED = 1.0
+"""s: of steady bursts no two lie further apart (arrivals.py)."""
 SECONDS, RATE = 180, 1_000
 """Kept of a motion, and rows of each stream in a second at most."""
 EVERY, WINDOW = 0.1, 0.5
@@ -40,10 +42,18 @@ class History:
     def __init__(self) -> None:
         self._rows = np.empty((2 * ROOM, 11))
         self._end = 0
+        self._fresh = deque[tuple[float, ...]](maxlen=ROOM)
+        """Those that came since it was looked at: an array takes longer for one row than for a hundred."""
 
     def add(self, turn: Turn) -> None:
         """The readings of a turn that may be used."""
-        good = [(t, *wrench, *orientation) for t, _, wrench, orientation, flaw in turn.readings if not flaw][-ROOM:]
+        for t, _, wrench, orientation, flaw in turn.readings:
+            if not flaw:
+                self._fresh.append((t, *wrench, *orientation))
+
+    def _take_in(self) -> None:
+        good = [*self._fresh]
+        self._fresh.clear()
         if self._end + len(good) > 2 * ROOM:
             kept = self._rows[self._end - ROOM : self._end]
             self._rows[: len(kept)] = kept
@@ -52,9 +62,12 @@ class History:
             self._rows[self._end : self._end + len(good)] = good
             self._end += len(good)
 
-    def last(self, seconds: float) -> tuple[Array, Array, Array]:
-        """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds, as views."""
-        if not self._end:
+    def last(self, seconds: float, now: float = -inf) -> tuple[Array, Array, Array]:
+        """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds, as views; none, where `now` (s) is
+        told, of a sensor that has given no good reading for `STOPPED` s.
+        """
+        self._take_in()
+        if not self._end or now - self._rows[self._end - 1, 0] > STOPPED:
             return self._rows[:0, 0], self._rows[:0, 1:7], self._rows[:0, 7:]
         first = max(self._end - ROOM, 0)
         t = self._rows[first : self._end, 0]

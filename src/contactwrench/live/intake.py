@@ -108,7 +108,7 @@ class Intake:
             self.repeated += note.number if note.kind in (NoteKind.REPEATED, NoteKind.DISORDERED) else 0
             self.wrong += note.number if note.kind in (NoteKind.GARBAGE, NoteKind.WRONG_SUM) else 0
             self._note(note.kind, note.number, note.text)
-        anew = [note.before for note in batch.notes if note.kind is NoteKind.RESTARTED]
+        anew = [note.before for note in batch.notes if note.kind is NoteKind.RESTARTED] if batch.notes else ()
         if anew and batch.samples and batch.samples[-1].arrival > self._settled:  # not on and on
             self._settled = batch.samples[-1].arrival + BACKLOG
         times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples], anew)

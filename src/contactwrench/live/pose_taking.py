@@ -152,9 +152,9 @@ class PoseTaking:
             )
         return self._add(pose)
 
-    def take_anyway(self, history: History) -> tuple[str, str]:
-        """Take the pose where the arm is now, whatever there is against it."""
-        times, wrench, orientation = history.last(HOLD)
+    def take_anyway(self, history: History, now: float) -> tuple[str, str]:
+        """Take the pose where the arm is `now`, s, whatever there is against it."""
+        times, wrench, orientation = history.last(HOLD, now)
         if len(times) < 2 or not np.isfinite(orientation).all():
             return "refusal", "no pose: readings or orientations are missing; wait until both come"
         return self._add(

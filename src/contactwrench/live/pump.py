@@ -1,15 +1,16 @@
 """Threads: one reader a device, one worker that feeds the session with what came and hands on what it made.
 
 A reader never waits for the worker, and the worker never for a sink, a page or a disk: in between are bounded queues,
-and what does not fit is counted.
+and what does not fit is counted. While the worker waits for the sensor it reads it itself, as waking it for each sample
+takes as long as the sample; whenever it is busy for longer, as with a fit, the reader goes on.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from queue import Empty, Queue, SimpleQueue
-from threading import Event, Thread
+from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
@@ -21,15 +22,17 @@ from .sink import OpenSink
 from .snapshot import Event as Said
 from .snapshot import Output
 from .source import About, Batch, EndOfStreamError, Note, NoteKind, Source, now
-from .stream import batches
+from .stream import WAIT, batches
 
 if TYPE_CHECKING:
     from .page.app import Ask
 
 WAITING = 20_000
 """Samples between a reader and the worker: 20 s at 1 kHz, which is more than any fit takes."""
-TURN = 0.02
-"""s that the worker waits before it looks whether it is to end."""
+TURN = WAIT
+"""s that the worker waits before it looks whether it is to end; and that a reader stands by for one which is busy: the
+shortest buffer of a system fills in twice that (transport.py).
+"""
 SILENT, AGAIN = "nothing for {:g} s, connecting again", 0.4
 """What is said of a device that says nothing; and s from one attempt to the next."""
 AHEAD = 1
@@ -49,12 +52,17 @@ class Reader:
 
     def __init__(self, source: Source, about: About, early: Batch) -> None:
         self._source, self.about = source, about
+        self._passes = getattr(source, "passes", False)
         self._news: deque[News] = deque()
         self._stop = Event()
         self.wake: SimpleQueue[None] = SimpleQueue()
         """Gets something whenever something came."""
         self._given = self._taken = self._full = 0
         self._ended = False
+        self._reads, self._stands_by_until = Lock(), 0.0
+        self._stream: Iterator[Batch] = iter(())
+        self._failure: Exception | None = None
+        self._reads.acquire()  # by its own thread
         self.put(about)
         self.put(early)
         self._thread = Thread(target=self._run, name=f"reads {source.uri}", daemon=True)
@@ -85,6 +93,24 @@ class Reader:
                 self._news.append(news)
         self._taken, self._full = self._given if self._full else self._taken, 0
 
+    def lead(self) -> bool:
+        """Wait for what comes next, and put it, in the calling thread; False: its own thread is at it. That one stands
+        by from now on, and goes on where this is not called for `TURN` s.
+        """
+        if not self._passes or self._failure is not None or self._stop.is_set():
+            return False
+        self._stands_by_until = now() + 2.0 * TURN
+        if not self._reads.acquire(blocking=False):
+            return False
+        try:
+            self.put(next(self._stream, Batch()))
+            self._stands_by_until = now() + TURN
+        except Exception as error:  # its own thread's to say, and to connect again
+            self._failure, self._stands_by_until = error, 0.0
+        finally:
+            self._reads.release()
+        return True
+
     def stop(self) -> None:
         """Ask the thread to end."""
         self._stop.set()
@@ -105,10 +131,12 @@ class Reader:
                     about = self._source.open()
                     require_same(self._source.uri, self.about, about)
                     self.put(about)
-                for batch in batches(self._source, about, self._stop.is_set, SILENT):
+                self._stream = batches(self._source, about, self._stop.is_set, SILENT)
+                for batch in self._stream:
                     self.put(batch)
                     while about.replay and len(self._news) > AHEAD and not self._stop.is_set():
                         self._stop.wait(0.001)
+                    self._stand_by()
             except EndOfStreamError as error:
                 self.put(str(error))
                 self._ended = True
@@ -123,14 +151,30 @@ class Reader:
                 self._source.close()
             self._stop.wait(AGAIN)
 
+    def _stand_by(self) -> None:
+        """While another thread leads; raises what that met with."""
+        while (left := self._stands_by_until - now()) > 0.0 and not self._stop.is_set():
+            self._reads.release()
+            self._wake_up()  # whoever leads may be waiting for this one's last batch
+            self._stop.wait(left)
+            self._reads.acquire()
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+
     def put(self, news: News) -> None:
         """Keep what came until it is taken; of samples no more than can wait."""
         if isinstance(news, Batch):
+            if not (news.samples or news.notes):
+                return
             if self._given - self._taken >= WAITING or len(self._news) >= WAITING:
                 self._full += len(news.samples)
                 return
             self._given += len(news.samples)
         self._news.append(news)
+        self._wake_up()
+
+    def _wake_up(self) -> None:
         if self.wake.empty():
             self.wake.put(None)
 
@@ -198,6 +242,8 @@ class Pump:
 
     def _pause(self) -> None:
         """Until the sensor sent something, or a moment."""
+        if self._readers["sensor"].lead():
+            return
         try:
             self._wake.get(timeout=TURN)
             while not self._wake.empty():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite, nan
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from .intake import STREAMING, Intake
 from .pose_track import NEEDED, PoseFeed
 from .sink import Reading, Turn
 from .snapshot import Contact, Running
-from .source import UNKNOWN, About, Four, Sample, Six
+from .source import NO_WRENCH, UNKNOWN, About, Four, Sample, Six
 
 CONTACTS_SHOWN = 20
 ZERO_OVER = 0.5
@@ -101,8 +101,8 @@ class Runner:
         self._begun = min(self._begun, reading.t)
         if self._feed is not None and (doubt := self._feed.doubt(reading.t - self.delay, reading.t, longest)):
             orientation, why = UNKNOWN, why or doubt
-        wrench = np.full(6, nan) if reading.flaw else self.sign * np.array(reading.wrench)
-        made = self._compensator(wrench, np.array(orientation), reading.t)
+        wrench = np.array(NO_WRENCH if reading.flaw else reading.wrench)
+        made = self._compensator(wrench if self.sign > 0.0 else -wrench, np.array(orientation), reading.t)
         if why:
             made = replace(made, valid=False, reason=Reason(why))
         if not made.valid:
@@ -141,10 +141,12 @@ class Runner:
         self._said, self._ended = [], []
         return said, ended
 
-    def zero(self, history: History) -> str:
-        """Take the bias anew from what a free tool reads now; what it did, in words. Raises `InputError`."""
-        t, wrench, orientation = history.last(ZERO_OVER)
-        if not len(t) or not np.isfinite(orientation).all():
+    def zero(self, history: History, now: float) -> str:
+        """Take the bias anew from what a free tool reads `now`, s; what it did, in words. Raises `InputError`."""
+        t, wrench, orientation = history.last(ZERO_OVER, now)
+        if not len(t):
+            raise InputError("no new zero: no reading comes that can be used, expected both streams: wait for them")
+        if not np.isfinite(orientation).all():
             raise InputError("no new zero: the robot's orientation is missing, expected both streams: wait for them")
         zero = self._compensator.zero(Samples(self.sign * wrench, from_quat_xyzw(orientation), t.copy()))
         self._touching = False

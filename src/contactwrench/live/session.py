@@ -147,11 +147,13 @@ class Session:
         poses = [] if robot is None else self._robot.take(robot)
         readings = [] if sensor is None else self._sensor.take(sensor)
         poses = readings if self._robot is self._sensor else poses
-        turns = [(when, pose) for when, pose in poses if pose.orientation is not None and not pose.flaw]
-        known = [(at, pose) for at, pose in turns if self._track.add(at, pose.orientation or NOT_TURNED, pose.position)]
-        if self._runner is not None:
-            self._runner.came(known)
-        turn = self._turn([(when, each) for when, each in readings if each.wrench is not None or each.flaw], turns)
+        turns = [each for each in poses if each[1].orientation is not None and not each[1].flaw]
+        if turns:
+            add = self._track.add
+            known = [(at, pose) for at, pose in turns if add(at, pose.orientation or NOT_TURNED, pose.position)]
+            if self._runner is not None:
+                self._runner.came(known)
+        turn = self._turn([each for each in readings if each[1].wrench is not None or each[1].flaw], turns)
         if turn.readings:
             self._history.add(turn)
             self._last = turn
@@ -186,8 +188,8 @@ class Session:
                 word = "frozen" if self._track.frozen(when) else "stale"
                 why = f"{word}: the orientation is {age:.2f} s old" if age < inf else f"{word}: no orientation has come"
             judged.append(runner.step(reading, orientation, why, self._track.stale_after))
-        said, ended = ([], ()) if runner is None else runner.happened()
-        if readings:
+        said, ended = ([], ()) if runner is None or not readings else runner.happened()
+        if said:
             self._happened(said, readings[-1].t)
         came = [Pose(when, pose.orientation or NOT_TURNED, pose.position or NO_PLACE) for when, pose in poses]
         return Turn(readings, came, judged, ended)
@@ -207,12 +209,12 @@ class Session:
                 self._saved = self.calibration, self._save(self.calibration)
                 self._happened([("saved", f"calibration written to {self.saved}")], t)
             elif command is Command.ZERO and self._runner is not None:
-                self._happened([("zero", self._runner.zero(self._history))], t)
+                self._happened([("zero", self._runner.zero(self._history, t))], t)
             elif command is Command.RECORD:
                 self.recording = not self.recording
                 self._happened([("record", f"recording is {'on' if self.recording else 'off'}")], t)
             else:
-                self._happened(self._wizard.do(command, number, self._history), t)
+                self._happened(self._wizard.do(command, number, self._history, t), t)
                 if self.phase is not Phase.RUN:
                     self._runner = None
                 elif self._runner is None and self._wizard.calibration is not None:

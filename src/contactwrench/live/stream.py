@@ -13,22 +13,22 @@ from ..geometry.arrays import Array, Frozen
 from .source import HALF_OPEN, NO_WRENCH, UNKNOWN, About, Batch, DeviceError, EndOfStreamError, Note, Source, now
 from .uri import source_of
 
-WAIT = 0.1
+WAIT = 0.02
 """s that a read waits before it looks again whether the stream was closed."""
 
 
 def batches(source: Source, about: About, ended: Callable[[], bool], silent: str) -> Iterator[Batch]:
-    """What comes from an open source, batches with at least one sample or note, until it has `ended`. Raises
+    """What comes from an open source, an empty batch where that is nothing for `WAIT` s, until it has `ended`. Raises
     `EndOfStreamError`, and `DeviceError` where it is cut, or a device that is connected to is `silent` for so many s.
     """
     last = now()
     while not ended():
         batch = source.read(WAIT)
-        if batch.samples or batch.notes:
-            yield batch
-            last = now()  # whatever was done meanwhile is no silence of the device's
-        elif now() - last > HALF_OPEN and not (about.replay or about.listens or ended()):
+        came = bool(batch.samples or batch.notes)
+        if not came and now() - last > HALF_OPEN and not (about.replay or about.listens or ended()):
             raise DeviceError(f"{source.uri}: {silent.format(HALF_OPEN)}")
+        yield batch
+        last = now() if came else last  # whatever was done meanwhile is no silence of the device's
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,8 @@ class Stream:
     def __iter__(self) -> Iterator[StreamBatch]:
         said = "found nothing for {:g} s, expected samples: check its power and cable, and open it again"
         with suppress(EndOfStreamError):
-            yield from map(batch_of, batches(self._source, self.about, lambda: self._closed, said))
+            came = batches(self._source, self.about, lambda: self._closed, said)
+            yield from (batch_of(batch) for batch in came if batch.samples or batch.notes)
 
     def close(self) -> None:
         """End the stream; also from another thread."""

@@ -97,8 +97,8 @@ class Wizard:
                 return (done, Command.BACK) if self.verified else (Command.SKIP, Command.CAPTURE, Command.BACK)
         return (Command.BACK,)
 
-    def do(self, command: Command, number: int | None, history: History) -> list[Happened]:
-        """What a person asked for, which `commands` allows."""
+    def do(self, command: Command, number: int | None, history: History, t: float) -> list[Happened]:
+        """What a person asked for at `t` s, which `commands` allows."""
         if command in (Command.NEXT, Command.SKIP):
             return self._next(skip=command is Command.SKIP)
         if command is Command.BACK:
@@ -109,7 +109,7 @@ class Wizard:
         if command is Command.RETAKE:
             return self._retake(len(self.poses.taken) if number is None else number)
         taking = self.poses if self.phase is Phase.POSES else self._verifying
-        return self._taken(*taking.take_anyway(history))
+        return self._taken(*taking.take_anyway(history, t))
 
     def look(self, history: History, stillness: Stillness, t: float) -> list[Happened]:
         """Look at the newest readings at `t` s: what happened."""

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from contactwrench.errors import InputError
 from contactwrench.live.intake import NEVER_KNOWN, Intake
 from contactwrench.live.source import Batch, DeviceError, NoteKind, Sample
 from contactwrench.live.sources import datagrams
@@ -277,6 +278,22 @@ def test_what_is_no_stream_is_said_with_its_cause(line: str, said: str, monkeypa
             source.read(1.0)
         source.close()
     assert str(raised.value) == f"stdin:: found {len(sent)} bytes{said}"
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("units=force=kgv", "units: found force=kgv, expected one of N, kN, mN, kgf, gf, lbf"),
+        ("orientation=euler:ZYY:deg", "orientation 'euler:ZYY:deg': found Euler letters 'ZYY', expected"),
+        ("columns=t,fx", "found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA)"),
+    ],
+)
+def test_what_a_uri_states_wrong_is_said_before_any_line_comes(option: str, said: str) -> None:
+    """The unit that is none was the fault of each line, which was shown as such."""
+    with pytest.raises(InputError) as refused:
+        source_of(f"udp://:9000?{option}")
+    assert str(refused.value).startswith(f"udp://:9000?{option}: {said}")
+    source_of(f"udp://:9000?units=force=kgf,torque=kgfm&columns=t,{WRENCH}&orientation=auto").close()
 
 
 def test_a_port_that_nobody_sends_to(monkeypatch: pytest.MonkeyPatch) -> None:

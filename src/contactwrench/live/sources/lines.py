@@ -12,9 +12,11 @@ from typing import Any
 import msgspec
 
 from ...errors import InputError, visible
+from ...geometry.orientation import convention
 from ...recording.tables.columns import Naming
 from ...recording.tables.layout import layout_of
 from ...recording.tables.text_cells import cells
+from ...recording.tables.units import stated_units
 from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
@@ -154,7 +156,13 @@ class _Lines(Reader[AnyLink]):
         self._rate = uri.rate()
         self._naming = Naming(orientation=uri.options.get("orientation", "auto"), units=uri.options.get("units"))
         self._columns = [name.strip() for name in uri.options.get("columns", "").split(",") if name.strip()]
-        self._fresh()
+        try:
+            stated_units(self._naming.units)
+            if (named := uri.options.get("orientation", "auto")) != "auto":
+                convention(named)
+            self._fresh()
+        except InputError as error:
+            raise InputError(f"{uri}: {str(error).removeprefix('the line: ').removeprefix('--')}") from None
 
     def open(self) -> About:
         """As `Source`."""

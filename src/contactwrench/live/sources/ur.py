@@ -110,6 +110,7 @@ class UrDecoder:
         self._states = {name: recipe.places[name].start for name in STATES if name in recipe.places}
         self._state: tuple[float, ...] = ()
         self._flaw, self._said = "", False
+        self._offset, self._back = tuple[float, ...](), (0.0, 0.0, 0.0, 1.0)
 
     def without_wrench(self) -> None:
         """Give no wrench from now on."""
@@ -120,7 +121,7 @@ class UrDecoder:
         buffer, size = self._buffer + data, self._size
         header, unpack = self._recipe.header, self._recipe.struct.unpack_from
         at = 0
-        while True:
+        while at < len(buffer):
             start = buffer.find(header, at)
             if start == at and len(buffer) - at >= size:
                 self._sample(unpack(buffer, at + len(header)), arrival, batch)
@@ -159,7 +160,9 @@ class UrDecoder:
         x, y, z, *vector = values[places["actual_TCP_pose"]]
         turn, (dx, dy, dz) = from_rotation_vector(*vector), (0.0, 0.0, 0.0)  # from the flange to the TCP, base axes
         if "tcp_offset" in places and any(offset := values[places["tcp_offset"]]):
-            turn = product(turn, inverse(from_rotation_vector(*offset[3:])))
+            if offset != self._offset:
+                self._offset, self._back = offset, inverse(from_rotation_vector(*offset[3:]))
+            turn = product(turn, self._back)
             dx, dy, dz = rotated(turn, offset[:3])
         position = x - dx, y - dy, z - dz
         joints = values[places["actual_q"]] if "actual_q" in places else None
@@ -171,7 +174,7 @@ class UrDecoder:
             if self._to_flange:
                 back = inverse(turn)
                 wrench = *rotated(back, (fx, fy, fz)), *rotated(back, (tx, ty, tz))
-        if (state := tuple(values[place] for place in self._states.values())) != self._state:
+        if (state := tuple([values[place] for place in self._states.values()])) != self._state:
             self._change(state, batch)
         batch.samples.append(Sample(arrival, device, wrench, turn, position, joints, flaw=self._flaw))
 
