@@ -128,8 +128,7 @@ def inverse_dynamics(
     at, speed, change = data.qpos, data.qvel, data.qacc
     sensed, drives = data.sensordata, data.qfrc_inverse
     R_world_flange, flange_in_world = data.site_xmat[rig.flange], data.site_xpos[rig.flange]
-    tool = rig.model.body("tool").id
-    on_tool = data.xfrc_applied[tool]
+    on_tool = data.xfrc_applied[rig.model.body("tool").id]
     velocity = np.zeros(joints.shape) if velocity is None else velocity
     acceleration = np.zeros(joints.shape) if acceleration is None else acceleration
     pushed = set() if force_on_hook is None else set(np.flatnonzero(force_on_hook.any(axis=1)).tolist())
@@ -141,7 +140,7 @@ def inverse_dynamics(
         at[:], speed[:], change[:] = joints[k], velocity[k], acceleration[k]
         on_tool[:] = 0.0
         if force_on_hook is not None and k in pushed:
-            on_tool[:] = _on_tool(rig, data, tool, force_on_hook[k])
+            on_tool[:] = _on_tool(rig, data, force_on_hook[k])
         mujoco.mj_inverse(rig.model, data)
         wrench[k], torque[k] = sensed, drives
         R[k], position[k] = R_world_flange, flange_in_world
@@ -150,12 +149,11 @@ def inverse_dynamics(
     return Physics(joints, -wrench, torque, R_base_world @ R.reshape(n, 3, 3), position @ R_base_world.T)
 
 
-def _on_tool(rig: Rig, data: mujoco.MjData, tool: int, force_on_hook: Array) -> Array:
+def _on_tool(rig: Rig, data: mujoco.MjData, force_on_hook: Array) -> Array:
     """Of a force (3,), base axes, on the hook: force and torque (6,) about the tool's centre of mass, world axes."""
     import_mujoco().mj_kinematics(rig.model, data)
-    force = rig.R_world_base @ force_on_hook
-    lever = data.xpos[tool] + data.xmat[tool].reshape(3, 3) @ rig.settings.tool.hook - data.xipos[tool]
-    (x, y, z), (fx, fy, fz) = lever.tolist(), force.tolist()
+    tool, (fx, fy, fz) = data.body("tool"), (rig.R_world_base @ force_on_hook).tolist()
+    x, y, z = (tool.xpos + tool.xmat.reshape(3, 3) @ rig.settings.tool.hook - tool.xipos).tolist()
     return np.array([fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])  # np.cross takes ten times as long
 
 
