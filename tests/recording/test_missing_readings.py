@@ -101,7 +101,7 @@ def test_rows_without_a_reading_have_no_contact_wrench(
         assert np.flatnonzero(np.isnan(found).all(axis=1)).tolist() == LACK
         there = ~np.isnan(found).any(axis=1)
         assert there.sum() == N - len(LACK)
-        assert found[there] == pytest.approx(whole[there], abs=1e-6)
+        assert np.allclose(found[there], whole[there], rtol=0.0, atol=1e-6)
     without = [row for row in rows if row["reason"] == "left out: the reading is not a number"]
     assert {row["valid"] for row in without} == {"0"}
     assert len(without) == len(LACK)

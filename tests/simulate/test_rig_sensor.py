@@ -194,7 +194,7 @@ def test_blocks_of_any_length_read_as_one(lengths: list[int], low_pass: float, d
     ends = np.cumsum([0, *lengths])
     for start, end in pairwise(ends):
         block = stream.read(wrench[start:end])
-        assert block.wrench == pytest.approx(whole.wrench[start:end], abs=1e-12)
+        assert np.allclose(block.wrench, whole.wrench[start:end], rtol=0.0, atol=1e-12)
         assert np.array_equal(block.saturated, whole.saturated[start:end])
 
 

@@ -73,9 +73,9 @@ def test_the_sensor_feels_it_as_the_tools_acceleration_and_no_pose_shows_it() ->
     acceleration = np.asarray(shaking(build(shaken), motion, np.random.default_rng(7)))
     R_sensor_base = (loud.R_base_flange @ shaken.R_flange_sensor).transpose(0, 2, 1)
     force: Array = -np.einsum("nij,nj->ni", R_sensor_base, acceleration)
-    assert loud.wrench[:, :3] - quiet.wrench[:, :3] == pytest.approx(force, abs=1e-9)
+    assert np.allclose(loud.wrench[:, :3] - quiet.wrench[:, :3], force, rtol=0.0, atol=1e-9)
     torque = np.cross(shaken.tool.com, force)
-    assert loud.wrench[:, 3:] - quiet.wrench[:, 3:] == pytest.approx(torque, abs=1e-9)
+    assert np.allclose(loud.wrench[:, 3:] - quiet.wrench[:, 3:], torque, rtol=0.0, atol=1e-9)
 
 
 def test_it_is_the_same_at_every_run() -> None:

@@ -54,17 +54,18 @@ class Swinging:
         world = LiveWorld()
         self.begin, self.spoil, self.spoil_pose = world.R_base_flange, 0.0, 0.0
         self.freezes = self.frozen = False
-        at_rest = (self.begin * world.mounting).inv().apply([0.0, 0.0, -world.weight])
-        self._axis = (world.mounting.inv()).apply(AXIS)
-        self._weight, self._com, self._bias = at_rest, np.array(world.com), np.array(world.bias)
+        down = (self.begin * world.mounting).inv().apply([0.0, 0.0, -world.weight])
+        axis = world.mounting.inv().apply(AXIS)
+        force = np.array([axis * (axis @ down), down - axis * (axis @ down), np.cross(axis, down)])
+        self._waves = np.hstack([force, np.cross(world.com, force)])
+        self._waves[0] += world.bias
+        self._quaternions = np.array([self.begin.as_quat(), (self.begin * Rotation.from_quat([*AXIS, 0.0])).as_quat()])
         self._rng, self._last = np.random.default_rng(0), self._pose(0.0)
 
     def wrench_rows(self, t0: float, n: int, rate: float) -> Array:
         """As `Truth`: the weight turns against the swing."""
-        angle = -SWING * np.sin(SPEED * (t0 + np.arange(n)[:, None] / rate))
-        k, f = self._axis, self._weight
-        force = f * np.cos(angle) + np.cross(k, f) * np.sin(angle) + k * (k @ f) * (1.0 - np.cos(angle))
-        rows: Array = np.hstack([force, np.cross(self._com, force)]) + self._bias
+        angle = -SWING * np.sin(SPEED * (t0 + np.arange(n) / rate))
+        rows: Array = np.stack([np.ones(n), np.cos(angle), np.sin(angle)], axis=1) @ self._waves
         return rows + NOISE * self._rng.standard_normal(rows.shape) + self.spoil
 
     def pose_at(self, t: float) -> FlangePose:
@@ -76,8 +77,9 @@ class Swinging:
 
     def _pose(self, t: float) -> FlangePose:
         half = 0.5 * SWING * sin(SPEED * t)
-        turn = self.begin * Rotation.from_quat([*(sin(half) * AXIS), cos(half)])
-        return FlangePose(turn.as_matrix(), turn.as_quat() + self.spoil_pose, np.array([0.5, 0.0, 0.4]), np.zeros(6))
+        quaternion = np.array([cos(half), sin(half)]) @ self._quaternions
+        matrix = Rotation.from_quat(quaternion).as_matrix()
+        return FlangePose(matrix, quaternion + self.spoil_pose, np.array([0.5, 0.0, 0.4]), np.zeros(6))
 
     def true_contact(self, t: float) -> Array:
         """None."""

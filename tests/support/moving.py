@@ -96,10 +96,12 @@ def least_jerk(goals: Goals, duration: float, trembling: float, rng: np.random.G
         time = max(least, 3.2 * float(np.abs((goal - joints) / MAX_SPEED).max()))
         if begin + time > duration:
             break
-        s = np.clip((t - begin) / time, 0.0, 1.0)[:, None]
-        q += s**3 * (10.0 - 15.0 * s + 6.0 * s**2) * (goal - joints)
-        v += 30.0 * s**2 * (1.0 - s) ** 2 * (goal - joints) / time
-        a += 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) * (goal - joints) / time**2
+        first, last = np.searchsorted(t, (begin, begin + time))
+        s, on_way, there = ((t[first:last] - begin) / time)[:, None], slice(first, last), slice(last, None)
+        q[on_way] += s**3 * (10.0 - 15.0 * s + 6.0 * s**2) * (goal - joints)
+        q[there] += goal - joints
+        v[on_way] += 30.0 * s**2 * (1.0 - s) ** 2 * (goal - joints) / time
+        a[on_way] += 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) * (goal - joints) / time**2
         begin, joints = begin + time + pause, goal
     for _ in range(3):
         speed, size = 2.0 * np.pi * rng.uniform(6.0, 10.0, 7), trembling * rng.normal(size=7)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, numbers
@@ -129,15 +129,14 @@ def _evenly(n: int, dimensions: int) -> Array:
     return (0.5 + np.arange(1, n + 1)[:, None] * g ** -np.arange(1.0, dimensions + 1.0)) % 1.0
 
 
-def _apart(R: Array, angle: float) -> list[int]:
+def _apart(R: Array, angle: float) -> NDArray[np.intp]:
     """The rotations (n, 3, 3), first come first kept, that are at least `angle` from every one kept before."""
-    flat = R.reshape(-1, 9)
+    flat, free = R.reshape(-1, 9), np.ones(len(R), dtype=np.bool_)
     most = 1.0 + 2.0 * np.cos(angle)  # the trace of the rotation from one to the other
-    kept, left = [], np.arange(len(flat))
-    while len(left):
-        kept.append(int(left[0]))
-        left = left[1:][flat[left[1:]] @ flat[left[0]] <= most]
-    return kept
+    for k in range(len(flat)):
+        if free[k]:
+            free[k + 1 :] &= flat[k + 1 :] @ flat[k] <= most
+    return np.flatnonzero(free)
 
 
 def known_arm(name: str) -> Arm:

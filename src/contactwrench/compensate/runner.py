@@ -6,7 +6,6 @@ import gc
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import astuple
 from functools import cache, wraps
 from hashlib import sha256
 from inspect import getsource
@@ -181,7 +180,9 @@ class Compiled:
     """By numba, on records; else as `Plain`."""
 
     def __init__(self, state: State, ring: Array) -> None:
-        self.__setstate__((np.array([astuple(state)], STATE), np.array([astuple(Sample())], SAMPLE), ring))
+        parts: tuple[tuple[Any, Any], ...] = ((state, STATE), (Sample(), SAMPLE))
+        records = [np.array([tuple(getattr(part, name) for name in part.__slots__)], kind) for part, kind in parts]
+        self.__setstate__((*records, ring))
 
     def __getstate__(self) -> tuple[NDArray[Any], ...]:
         return self._record, self._samples, self._ring

@@ -161,14 +161,14 @@ def sink_of(text: str) -> Sink:
 
 
 def schemes(known: Mapping[str, str], group: str) -> dict[str, Callable[[], Any]]:
-    """What loads the class of each scheme: this package's own, then those of other packages."""
+    """What loads the class of each scheme: this package's own, then those of other packages, which takes a while."""
     others = {point.name: point.load for point in entry_points(group=group)}
     return {**others, **{scheme: partial(_own, place) for scheme, place in known.items()}}
 
 
 def _made(text: str, known: Mapping[str, str], group: str) -> Any:
     uri = parsed(text)
-    loaders = schemes(known, group)
+    loaders = {uri.scheme: partial(_own, known[uri.scheme])} if uri.scheme in known else schemes(known, group)
     if uri.scheme not in loaders:
         raise InputError(f"{text}: found the scheme {uri.scheme}, expected one of {', '.join(sorted(loaders))}")
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from itertools import repeat
 from time import monotonic, sleep
 from typing import Any
@@ -46,16 +47,23 @@ def test_a_stream_is_whole(kind: Kind) -> None:
         assert times == pytest.approx([times[0] + k / kind.rate for k in range(len(times))], abs=1e-5)
 
 
-@ALL
-def test_nobody_there_is_one_line(kind: Kind) -> None:
-    with kind.fake() as fake:
-        uri = fake.uri
+def _timed_refusal(uri: str) -> tuple[str, float]:
+    """The line that refuses what is not there, and s until that was said."""
     begun = monotonic()
-    message = refusal(source_of(uri + kind.options))
-    assert monotonic() - begun < 3.0
-    assert message.startswith(f"{uri}{kind.options}: found ")
-    assert ", expected " in message
-    assert "\n" not in message
+    message = refusal(source_of(uri))
+    return message, monotonic() - begun
+
+
+def test_nobody_there_is_one_line() -> None:
+    """All kinds at once: what takes long is to wait."""
+    with ExitStack() as fakes:
+        uris = [fakes.enter_context(kind.fake()).uri + kind.options for kind in KINDS.values()]
+    with ThreadPoolExecutor(len(uris)) as pool:
+        for uri, (message, seconds) in zip(uris, pool.map(_timed_refusal, uris), strict=True):
+            assert seconds < 3.0, uri
+            assert message.startswith(f"{uri}: found ")
+            assert ", expected " in message
+            assert "\n" not in message
 
 
 def _refused(kind: Kind, answer: bytes) -> tuple[str, str, float]:
@@ -63,9 +71,7 @@ def _refused(kind: Kind, answer: bytes) -> tuple[str, str, float]:
     with answering(answer) as port:
         with kind.fake() as fake:
             uri = fake.uri.replace(str(getattr(fake, "http_port", fake.port)), str(port))
-        begun = monotonic()
-        message = refusal(source_of(uri))
-        return uri, message, monotonic() - begun
+        return uri, *_timed_refusal(uri)
 
 
 @pytest.mark.parametrize("answer", [HTTP, b""], ids=["another", "silent"])
@@ -225,10 +231,17 @@ def test_a_status_is_a_flaw_until_it_is_well_again(kind: Kind) -> None:
     assert good.samples[-1].flaw == ""
 
 
-@some("counts")
-def test_another_rate_is_no_loss(kind: Kind) -> None:
+def _said_at_half_the_rate(kind: Kind) -> list[NoteKind]:
     with reading(kind, true_rate=0.5 * kind.rate) as (_, source):
-        assert kinds(read(source, 1.0).notes) == []
+        return kinds(read(source, 1.0).notes)
+
+
+def test_another_rate_is_no_loss() -> None:
+    counting = {name: kind for name, kind in KINDS.items() if kind.counts}
+    with ThreadPoolExecutor(len(counting)) as pool:
+        assert dict(zip(counting, pool.map(_said_at_half_the_rate, counting.values()), strict=True)) == {
+            name: [] for name in counting
+        }
 
 
 def test_sri_wraps_and_has_wrong_sums_and_old_names() -> None:
