@@ -121,6 +121,25 @@ def test_a_new_zero_is_asked_about_though_a_hand_comes_later(tmp_path: Path) -> 
     assert float(start[1]) == pytest.approx(38.0, abs=0.3)
 
 
+@pytest.mark.parametrize(("newtons", "asked"), [(0.3, True), (3.0, False)])
+def test_many_contacts_that_are_hardly_more_than_chance_are_asked_about(newtons: float, asked: bool) -> None:
+    """Of 0.05 N of noise: two dozen of a second each."""
+    calibration, rig, rng = calibrated(3)
+    R, t, std = turning(100, rng), np.arange(100) / 100.0, np.tile([0.05, 0.05, 0.05, 0.002, 0.002, 0.002], (100, 1))
+    doubt, peak = InDoubt(calibration), newtons * np.array([0.6, 0.0, 0.8, 0.0, 0.03, 0.0])
+    for start in range(0, 48, 2):
+        contact = Contact(start, start + 0.4, peak, peak, np.eye(6), True)
+        touching = (t < 0.4).astype(np.int8)
+        batch = ContactWrenches(touching[:, None] * peak, std, start + t, True, contact=touching, contacts=(contact,))
+        doubt.add(Samples(readings(rig, R) + batch.wrench, R, start + t), batch)
+    assert str(doubt) == (
+        "24 of 24 contacts are hardly more than chance gives: if nothing touches, the bias drifted (--drift), or the "
+        "noise is larger than is known (--noise)"
+        if asked
+        else ""
+    )
+
+
 @pytest.mark.parametrize("output_frame", ["sensor", "base"])
 def test_a_weight_left_by_an_orientation_that_comes_late_is_told_by_where_it_acts(
     output_frame: str, tmp_path: Path
@@ -291,7 +310,7 @@ def test_many_short_contacts_are_asked_about(each: int, seconds: float, asked: b
     n = round(100.0 * seconds)
     R, t = turning(n, rng), np.arange(n) / 100.0
     contacts = tuple(
-        Contact(0.5 + k, 0.5 + k + lasts, np.ones(6), np.ones(6), np.eye(6), onset_seen=True)
+        Contact(0.5 + k, 0.5 + k + lasts, 20.0 * np.ones(6), np.ones(6), np.eye(6), onset_seen=True)
         for lasts, of in ((0.05, each), (0.3, long))
         for k in range(of)
     )

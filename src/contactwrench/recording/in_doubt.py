@@ -29,12 +29,14 @@ MOST_OF_TIME = 0.75
 """Share of the samples in contact, from which on it is in doubt, however it goes."""
 EXPLAINED, OFTEN = 0.25, 0.25
 """Of a force's square, what is left of it less a free tool's inertia; and the share of the samples in contact."""
-BESIDE = 0.05
-"""Of a torque's square, what is left of it beside noise where the force acts at the tool's own centre of mass: in a
-tenth of the time or less of pushes half as far again from the sensor, in half of it of a free tool that accelerates.
+BESIDE, OF_MASS = 0.05, 0.4
+"""Of a torque's square, what is left of it beside noise where the force acts at the tool's own centre of mass, and the
+share of the time in contact: a fifth or less of pushes half as far again from the sensor, half of mere inertia.
 """
-SHORT, MANY = 0.1, 10.0
-"""s, that no hand and no task touches for, and contacts in a minute: of so many so short ones."""
+SHORT, MANY, FAINT = 0.1, 10.0, 8.0
+"""s, that no hand and no task touches for, and contacts in a minute: of so many so short ones; and standard deviations,
+below which are the largest force and torque of what a bias gives that drifts, and of few hands' contacts.
+"""
 PART_OF_WEIGHT, NEARLY_ALL = 0.1, 0.9
 """Of the weight, and of the rows: orientations that have nothing to do with the readings leave less in few of them."""
 LEFT = "N are left of the force", "N m are left of the torque"
@@ -112,7 +114,7 @@ class InDoubt:
 
     def __init__(self, calibration: Calibration) -> None:
         self.calibration, self.rows, self.touching, self.inertial, self.largest = calibration, 0, 0, 0, 0.0
-        self.contacts = self.short = self.of_mass = 0
+        self.contacts = self.short = self.faint = self.of_mass = 0
         self.lever, self.same = calibration.B[3:, :3] @ np.linalg.pinv(calibration.B[:3, :3]), np.nan
         self.start, self.last, self.lasts = np.nan, np.nan, np.empty((0, 8))
 
@@ -123,10 +125,13 @@ class InDoubt:
         self.touching += int(np.sum(touching))
         self.contacts += len(batch.contacts)
         self.short += sum(each.release is not None and each.release - each.onset < SHORT for each in batch.contacts)
+        least_std = np.fmin.reduce(np.linalg.norm(batch.std.reshape(-1, 2, 3), axis=2), initial=np.inf) / np.sqrt(3.0)
+        peaks = np.reshape([each.peak for each in batch.contacts], (-1, 2, 3))
+        self.faint += int(np.sum(np.all(np.linalg.norm(peaks, axis=2) < FAINT * least_std, axis=1)))
         for row in (row for row, why in enumerate(batch.reason) if why is not None and why.kind == NOTHING_CHANGES):
             self.same = np.fmin(self.same, t[row] - SAME_SECONDS)
         felt = self.calibration.compensate(samples.wrench, samples.R_base_flange)  # of the batch in whatever axes
-        self.of_mass += int(np.sum(touching & self._of_mass(felt, batch.std)))
+        self.of_mass += int(np.sum(touching & batch.valid & self._of_mass(felt, batch.std)))
         if touching.any() and (inertial := self._inertial(samples)) is not None:
             left, of_sample = (np.sum(force[:, :3] ** 2, axis=1) for force in (felt - inertial, felt))
             explained = touching & (left < EXPLAINED * of_sample)
@@ -184,16 +189,21 @@ class InDoubt:
         if even and len(t) and t[-1, 0] - t[0, 0] >= LONG:
             found += f", from {t[0, 0]:.4g} s on to the end by a force as of a weight or a bias"
         elif self.touching <= MOST_OF_TIME * self.rows:
-            return self._of_mass_or_zero()
+            return self._besides()
         return f"{found}: {OTHERWISE}, or it drifted (--drift)"
 
-    def _of_mass_or_zero(self) -> str:
-        if self.of_mass > OFTEN * self.touching:
+    def _besides(self) -> str:
+        if self.of_mass > OF_MASS * self.touching:
             return (
                 f"in {self.of_mass / self.touching:.0%} of the time in contact the force acts at the tool's own centre "
                 "of mass: if nothing touches, the orientation comes late (--delay) or is off, or it is the inertia as "
                 "the arm accelerates: record positions for --model dynamic, or state what it scatters by in motion "
                 "(--noise)"
+            )
+        if self.faint > max(MANY, 0.5 * self.contacts):
+            return (
+                f"{self.faint} of {self.contacts} contacts are hardly more than chance gives: if nothing touches, the "
+                "bias drifted (--drift), or the noise is larger than is known (--noise)"
             )
         if self.same == self.same:
             return (

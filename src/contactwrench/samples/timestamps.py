@@ -158,7 +158,7 @@ def rate_of(t: Array) -> float | None:
     steps = np.diff(t)
     steps = steps[steps <= default_gap(t)]
     passed = float(np.sum(steps))
-    return len(steps) / passed if passed > 0.0 and RATE.holds(len(steps) / passed) else None
+    return len(steps) / passed if passed > 0.0 and RATE.least <= len(steps) / passed <= RATE.most else None
 
 
 def spread_evenly(t: Array) -> Array:
