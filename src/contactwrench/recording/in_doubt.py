@@ -130,13 +130,14 @@ class InDoubt:
         self.faint += int(np.sum(np.all(np.linalg.norm(peaks, axis=2) < FAINT * least_std, axis=1)))
         for row in (row for row, why in enumerate(batch.reason) if why is not None and why.kind == NOTHING_CHANGES):
             self.same = np.fmin(self.same, t[row] - SAME_SECONDS)
-        felt = self.calibration.compensate(samples.wrench, samples.R_base_flange)  # of the batch in whatever axes
-        self.of_mass += int(np.sum(touching & batch.valid & self._of_mass(felt, batch.std)))
-        if touching.any() and (inertial := self._inertial(samples)) is not None:
-            left, of_sample = (np.sum(force[:, :3] ** 2, axis=1) for force in (felt - inertial, felt))
-            explained = touching & (left < EXPLAINED * of_sample)
-            self.inertial += int(np.sum(explained))
-            self.largest = max(self.largest, float(np.sqrt(of_sample[explained].max(initial=0.0))))
+        if touching.any():
+            felt = self.calibration.compensate(samples.wrench, samples.R_base_flange)  # of the batch in whatever axes
+            self.of_mass += int(np.sum(touching & batch.valid & self._of_mass(felt, batch.std)))
+            if (inertial := self._inertial(samples)) is not None:
+                left, of_sample = (np.sum(force[:, :3] ** 2, axis=1) for force in (felt - inertial, felt))
+                explained = touching & (left < EXPLAINED * of_sample)
+                self.inertial += int(np.sum(explained))
+                self.largest = max(self.largest, float(np.sqrt(of_sample[explained].max(initial=0.0))))
         if (free := np.flatnonzero(batch.contact == FREE)).size:
             self.lasts, touching[: free[-1]] = self.lasts[:0], False
         read = self.calibration.predict(samples.R_base_flange)[:, :3]
