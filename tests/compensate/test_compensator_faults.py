@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 import contactwrench as cw
 from contactwrench.compensate.bias_tracking import TYPICAL_DRIFT
@@ -430,6 +430,24 @@ def test_an_arm_that_stops_and_is_quite_still_is_not_frozen(every: int) -> None:
     R = (Rotation.random(random_state=rng) * Rotation.from_rotvec(np.outer(angle, [0.6, 0.0, 0.8]))).as_matrix()
     batch = _compensator(calibration).run(free(rig, R, rng), _held(R, every), times(N))
     assert batch.valid.all()
+
+
+@pytest.mark.parametrize("freezes", [False, True])
+def test_poses_of_100_hz_looked_up_between_two_stop_with_the_arm_or_freeze(freezes: bool) -> None:
+    """It turns at 1 rad/s and brakes at 10 rad/s^2: from between two poses it seems to stop from one reading to the
+    next. A pose that freezes at full speed still shows."""
+    calibration, rig, rng = calibrated(10)
+    t = np.arange(N) / RATE
+    speed = np.clip(10.0 * np.minimum(t - 0.5, 1.2093 - t), 0.0, 1.0)
+    R = Rotation.random(random_state=rng) * Rotation.from_rotvec(np.outer(np.cumsum(speed) / RATE, [0.6, 0.0, 0.8]))
+    poses = R[::10].as_matrix()
+    if freezes:
+        poses[100:] = poses[100]
+    told = Slerp(t[::10], Rotation.from_matrix(poses))(np.minimum(t, t[-10])).as_matrix()
+    told[t >= (1.0 if freezes else 1.21)] = poses[-1]  # to the last digit
+    batch = _compensator(calibration).run(free(rig, R.as_matrix(), rng), told, times(N))
+    assert _words(batch) == ({"frozen"} if freezes else set())
+    assert batch.valid[:1000].all()
 
 
 @pytest.mark.parametrize("between", [2, 4])

@@ -28,6 +28,7 @@ from contactwrench.recording.compensate import NOTHING, Treatment, compensated
 from contactwrench.recording.in_doubt import SATURATED
 from contactwrench.recording.options import Options
 from contactwrench.report.contacts import ContactLog, summary, write_contact_report
+from contactwrench.samples.still_noise import StillNoise
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run
 from tests.support.world import DOWN, Array, Rig, noisy_readings, random_rotations, readings
 
@@ -199,6 +200,15 @@ def test_std_in_base_axes_is_that_of_the_scatter(tmp_path: Path, calibration: Ca
     free = untouched(found)
     ratio = found.wrench[free].std(axis=0) / found.std[free].mean(axis=0)
     assert np.abs(ratio - 1.0).max() < 0.1
+
+
+def test_the_first_rows_have_the_noise_of_the_files_rate(tmp_path: Path, calibration: Calibration) -> None:
+    """White noise of which means over 10 ms are known, so that one of 500 rows in a second has sqrt(5) times that."""
+    path, layout = write_two_files(tmp_path)
+    of_means = np.outer([1.0, 0.1**0.5], NOISE)
+    known = replace(calibration, still_noise=StillNoise(np.array([0.01, 0.1]), of_means))
+    found = whole(list(compensated(path, layout, known, Treatment(judged=True, delay=LATE))))
+    assert found.std[found.valid][:60] == pytest.approx(np.tile(5.0**0.5 * NOISE, (60, 1)), rel=0.03)
 
 
 def test_what_a_delay_is_known_by_is_in_the_std_in_any_axes(tmp_path: Path, calibration: Calibration) -> None:

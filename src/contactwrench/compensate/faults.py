@@ -34,6 +34,9 @@ CHANCE_OF_REPEATS = 207.0
 filtered moves that much more slowly."""
 BRAKING, FASTEST = 20.0, 20.0
 """rad/s^2 and rad/s: no arm stops a turn faster, and none turns faster: poses that seem to were wrong ones."""
+SHARPEST_FADES = 5.0
+"""s: a turn that was seen to change so sharply may end as sharply: where it is looked up between two poses, it changes
+from one reading to the next. Longer misses a pose that froze and had leapt before."""
 FURTHEST = 1e3
 """m, from the base: no arm's flange."""
 
@@ -218,7 +221,9 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
         last[k] = new
     straight = along > 0.5 * sqrt(squared * before)
     speed = sqrt(0.5 * squared) / since
-    s.steady = straight and BRAKING * max(since, usual) < min(speed, s.speed) < FASTEST
+    s.steady = straight and max(BRAKING, s.sharpest) * max(since, usual) < min(speed, s.speed) < FASTEST
+    kink = abs(speed - s.speed) / since if s.speed > 0.0 else 0.0
+    s.sharpest = max(s.sharpest * max(1.0 - since / SHARPEST_FADES, 0.0), kink)
     s.longest_rest = max(s.longest_rest, since)
     if along < 0.0 and speed < 0.05:
         s.jitter += 1.0

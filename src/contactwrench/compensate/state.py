@@ -1,6 +1,5 @@
 """What a running Compensator knows, and a sample: one declaration each, attributes for plain Python, a numpy record for
-numba. The functions that work on them are marked by `kernel`: one source for both, so that they keep to what numba
-compiles: numbers, lists as `s.offset[k]` and `s.systematic[i][j]`, and loops.
+numba. Functions of them are marked by `kernel`: one source for both, of what numba compiles: numbers, lists, loops.
 """
 # ruff: noqa: RUF009, `numbers` gives a field
 
@@ -218,6 +217,7 @@ class State:
     turn_time: float = 0.0
     turn_usual: float = 0.0
     speed: float = 0.0
+    sharpest: float = 0.0
     steady: bool = False
     jitter: float = 0.0
     longest_rest: float = 0.0

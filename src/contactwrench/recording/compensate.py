@@ -27,7 +27,7 @@ from ..samples.bursts import bursts_in, even_rows, spread
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
 from ..samples.synchronize import NOT_A_NUMBER, Synchronized, synchronized
-from ..samples.timestamps import spread_evenly
+from ..samples.timestamps import rate_of, spread_evenly
 from .accelerations import accelerometer_of, with_accelerations
 from .in_doubt import InDoubt, OffThroughout, StuckReadings
 from .options import Options
@@ -189,8 +189,10 @@ def _paired(
     if treatment.judged:
         if treatment.noise is None and calibration.still_noise is None:
             note(f"{NOISE_IS_LEARNED}; --noise states it")
+        first = next((part.samples for part in begun if len(part.samples) > 1), begun[0].samples)
         compensator = Compensator(
             calibration,
+            rate=None if first.t is None else rate_of(first.t),
             delay=0.0,
             delay_std=std_of_delay(calibration) if treatment.delay is None else 0.0,
             drift=treatment.drift,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..calibration.dynamics import inertial_matrix
+from ..compensate.bias_tracking import SAME_SECONDS
 from ..compensate.contact_wrenches import FREE, NOT_GIVEN, NOT_JUDGED, TOUCHING, ContactWrenches
 from ..compensate.faults import Reason
 from ..errors import InputError
@@ -28,8 +29,14 @@ MOST_OF_TIME = 0.75
 """Share of the samples in contact, from which on it is in doubt, however it goes."""
 EXPLAINED, OFTEN = 0.25, 0.25
 """Of a force's square, what is left of it less a free tool's inertia; and the share of the samples in contact."""
-SHORT, MANY = 0.1, 10.0
-"""s, that no hand and no task touches for, and contacts in a minute: of so many so short ones."""
+BESIDE, OF_MASS = 0.05, 0.4
+"""Of a torque's square, what is left of it beside noise where the force acts at the tool's own centre of mass, and the
+share of the time in contact: a fifth or less of pushes half as far again from the sensor, half of mere inertia.
+"""
+SHORT, MANY, FAINT = 0.1, 10.0, 8.0
+"""s, that no hand and no task touches for, and contacts in a minute: of so many so short ones; and standard deviations,
+below which are the largest force and torque of what a bias gives that drifts, and of few hands' contacts.
+"""
 PART_OF_WEIGHT, NEARLY_ALL = 0.1, 0.9
 """Of the weight, and of the rows: orientations that have nothing to do with the readings leave less in few of them."""
 LEFT = "N are left of the force", "N m are left of the torque"
@@ -42,7 +49,7 @@ OTHERWISE = (
     "read as the calibration was (sign, units, orientation)"
 )
 SATURATED = Reason("saturated: a channel stands at its limit")
-STUCK = "stuck"
+STUCK, NOTHING_CHANGES = "stuck", "contact or bias"
 
 
 class StuckReadings:
@@ -101,12 +108,14 @@ class StuckReadings:
 class InDoubt:
     """Whether contact, batch by batch, may be another tool or a zero that moved: it lasts, by a force that a weight, a
     bias and a steady drift explain, as they do no hand's, or there is one for most of the time; or the inertia of a
-    tool, which the calibration does not know; or noise that is larger than is known, which makes many short ones.
+    tool, which the calibration does not know, or its weight, with an orientation that is off; or noise that is larger
+    than is known, which makes many short ones; or a zero that moved, and no contact changes so little.
     """
 
     def __init__(self, calibration: Calibration) -> None:
         self.calibration, self.rows, self.touching, self.inertial, self.largest = calibration, 0, 0, 0, 0.0
-        self.contacts = self.short = 0
+        self.contacts = self.short = self.faint = self.of_mass = 0
+        self.lever, self.same = calibration.B[3:, :3] @ np.linalg.pinv(calibration.B[:3, :3]), np.nan
         self.start, self.last, self.lasts = np.nan, np.nan, np.empty((0, 8))
 
     def add(self, samples: Samples, batch: ContactWrenches) -> None:
@@ -116,11 +125,19 @@ class InDoubt:
         self.touching += int(np.sum(touching))
         self.contacts += len(batch.contacts)
         self.short += sum(each.release is not None and each.release - each.onset < SHORT for each in batch.contacts)
-        if touching.any() and (inertial := self._inertial(samples)) is not None:
-            left, of_sample = (np.sum(force[:, :3] ** 2, axis=1) for force in (batch.wrench - inertial, batch.wrench))
-            explained = touching & (left < EXPLAINED * of_sample)
-            self.inertial += int(np.sum(explained))
-            self.largest = max(self.largest, float(np.sqrt(of_sample[explained].max(initial=0.0))))
+        least_std = np.fmin.reduce(np.linalg.norm(batch.std.reshape(-1, 2, 3), axis=2), initial=np.inf) / np.sqrt(3.0)
+        peaks = np.reshape([each.peak for each in batch.contacts], (-1, 2, 3))
+        self.faint += int(np.sum(np.all(np.linalg.norm(peaks, axis=2) < FAINT * least_std, axis=1)))
+        for row in (row for row, why in enumerate(batch.reason) if why is not None and why.kind == NOTHING_CHANGES):
+            self.same = np.fmin(self.same, t[row] - SAME_SECONDS)
+        if touching.any():
+            felt = self.calibration.compensate(samples.wrench, samples.R_base_flange)  # of the batch in whatever axes
+            self.of_mass += int(np.sum(touching & batch.valid & self._of_mass(felt, batch.std)))
+            if (inertial := self._inertial(samples)) is not None:
+                left, of_sample = (np.sum(force[:, :3] ** 2, axis=1) for force in (felt - inertial, felt))
+                explained = touching & (left < EXPLAINED * of_sample)
+                self.inertial += int(np.sum(explained))
+                self.largest = max(self.largest, float(np.sqrt(of_sample[explained].max(initial=0.0))))
         if (free := np.flatnonzero(batch.contact == FREE)).size:
             self.lasts, touching[: free[-1]] = self.lasts[:0], False
         read = self.calibration.predict(samples.R_base_flange)[:, :3]
@@ -129,6 +146,14 @@ class InDoubt:
         kept = touching & np.isfinite(variance) & (np.diff(np.floor(10.0 * t), prepend=self.last) != 0.0)
         self.last = np.floor(10.0 * t[-1])
         self.lasts = np.vstack([self.lasts, np.column_stack(known)[kept]])
+
+    def _of_mass(self, felt: Array, std: Array) -> NDArray[np.bool_]:
+        """Whether the force of wrenches (n, 6) with a std (n, 6) acts at the tool's centre of mass, as torques tell."""
+        torque, beside = felt[:, 3:], felt[:, 3:] - felt[:, :3] @ self.lever.T
+        of_force, of_torque = np.sum(std.reshape(-1, 2, 3) ** 2, axis=2).T
+        size, left = np.sum(torque**2, axis=1), np.sum(beside**2, axis=1)
+        noise = of_torque + np.linalg.norm(self.lever, 2) ** 2 * of_force
+        return np.asarray((size > 9.0 * of_torque) & (left < BESIDE * size + noise))
 
     def _inertial(self, samples: Samples) -> Array | None:
         """What a free tool exerts (n, 6) as its arm accelerates, its mass at the centre of mass and the sensor at the
@@ -165,8 +190,28 @@ class InDoubt:
         if even and len(t) and t[-1, 0] - t[0, 0] >= LONG:
             found += f", from {t[0, 0]:.4g} s on to the end by a force as of a weight or a bias"
         elif self.touching <= MOST_OF_TIME * self.rows:
-            return ""
+            return self._besides()
         return f"{found}: {OTHERWISE}, or it drifted (--drift)"
+
+    def _besides(self) -> str:
+        if self.of_mass > OF_MASS * self.touching:
+            return (
+                f"in {self.of_mass / self.touching:.0%} of the time in contact the force acts at the tool's own centre "
+                "of mass: if nothing touches, the orientation comes late (--delay) or is off, or it is the inertia as "
+                "the arm accelerates: record positions for --model dynamic, or state what it scatters by in motion "
+                "(--noise)"
+            )
+        if self.faint > max(MANY, 0.5 * self.contacts):
+            return (
+                f"{self.faint} of {self.contacts} contacts are hardly more than chance gives: if nothing touches, the "
+                "bias drifted (--drift), or the noise is larger than is known (--noise)"
+            )
+        if self.same == self.same:
+            return (
+                f"from {self.same - self.start:.4g} s on a contact does not change for {SAME_SECONDS:g} s or more: if "
+                "nothing touches, the zero was set anew or moved: cut the recording there, with --zero S for the rest"
+            )
+        return ""
 
 
 class OffThroughout:

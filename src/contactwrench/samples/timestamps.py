@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..geometry.ranges import TIME
+from ..geometry.ranges import RATE, TIME
 from ..statistics import counted
 from .samples import Samples
 
@@ -151,6 +151,14 @@ def default_gap(t: Array) -> float:
     """The longest time between two rows at `t` (n,), s, that is no gap, where nobody states it."""
     steps = np.diff(t)
     return max(LEAST_GAP, GAP_IN_ROWS * float(np.median(steps))) if len(steps) else LEAST_GAP
+
+
+def rate_of(t: Array) -> float | None:
+    """Of rows at `t` (n,), s, in order, gaps apart, Hz; None where they tell none that can be."""
+    steps = np.diff(t)
+    steps = steps[steps <= default_gap(t)]
+    passed = float(np.sum(steps))
+    return len(steps) / passed if passed > 0.0 and RATE.least <= len(steps) / passed <= RATE.most else None
 
 
 def spread_evenly(t: Array) -> Array:
