@@ -269,7 +269,7 @@ def _told_to_numba() -> str:
     from numba.extending import register_jitable
 
     for function in KERNEL:
-        register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
+        register_jitable(error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)
     homes = {function.__module__ for function in KERNEL} | {State.__module__}  # which has constants of them all
     return sha256("".join(getsource(sys.modules[name]) for name in sorted(homes)).encode()).hexdigest()
 
