@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal
 
 import contactwrench as cw
@@ -85,6 +86,21 @@ def test_backlash_that_comes_with_the_direction_of_arrival_is_none_of_a_bias_tha
     calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(12.0)), "mount")
     assert [f.kind for f in calibration.findings if f.kind in (*OF_BIAS, Kind.TWO_LEVELS)] == [Kind.TWO_LEVELS]
     assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0
+
+
+@pytest.mark.parametrize("seed", [1, 4, 5])
+def test_of_two_zeros_in_any_order_the_bias_is_either_within_its_std(seed: int) -> None:
+    """Two tables joined and sorted: it was halfway, by up to 76 std off both, and good. One zero is
+    as sure as ever."""
+    rng = np.random.default_rng(seed)
+    rig, R = random_rig(rng), Rotation.random(16, rng).as_matrix()
+    free, side = noisy_readings(rig, R, NOISE, rng), rng.permutation(np.repeat([0.0, 1.0], 8))
+    apart = 0.06 * rig.weight * np.array([0.6, -0.5, 0.6, 0.02, 0.02, -0.03])
+    two, one = (cw.calibrate(cw.Samples(free + part, R)) for part in (np.outer(side, apart), 0.0))
+    assert Kind.TWO_LEVELS in {finding.kind for finding in two.findings}
+    for bias in (rig.bias, rig.bias + apart):
+        assert np.abs((two.bias - bias) / two.std["bias"]).max() < 2.0
+    assert (one.std["bias"] < 2.0 * NOISE).all()
 
 
 def _one_member(strength: float) -> Members:

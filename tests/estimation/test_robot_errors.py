@@ -39,6 +39,18 @@ def _kinds(calibration: cw.Calibration) -> set[Kind]:
     return {finding.kind for finding in calibration.findings}
 
 
+def test_of_five_poses_none_is_in_contact_where_the_robot_is_a_bit_off() -> None:
+    """In three of ten such tables one was left out or in doubt; one that is pushed still makes no good one."""
+    for seed in range(40, 45):
+        rig, R, rng = example(seed, poses=5)
+        rig, every = replace(rig, weight=20.0), np.repeat(R, 20, axis=0)
+        wrench = noisy_readings(rig, np.repeat(R @ _off(5, 0.3, rng), 20, axis=0), 4.0 * QUIET, rng)
+        found = _kinds(cw.calibrate(cw.Samples(wrench, every)))
+        assert not found & {Kind.POSE_LEFT_OUT, Kind.POSE_IN_DOUBT}
+        wrench[40:60] += [3.0, -2.0, 8.0, 0.2, 0.3, 0.0]
+        assert cw.calibrate(cw.Samples(wrench, every)).verdict != "good"
+
+
 @pytest.mark.parametrize(("n", "degrees"), [(12, 0.1), (24, 0.3)])
 def test_it_is_said_how_far_and_nothing_else_is_blamed(n: int, degrees: float) -> None:
     """Half of such tables had a pose in contact; and the weight, which turns leave alone, was ten times less sure."""

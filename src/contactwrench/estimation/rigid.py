@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, gravity_in_flange, response, response_jacobian
-from .bias_drift import kernels_of, possible_drifts
+from .bias_drift import FEWEST_POSES, kernels_of, possible_drifts
 from .estimate import RigidEstimate
 from .hypotheses import WIDTHS, Hypothesis, hypotheses_of
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
@@ -91,6 +91,7 @@ def estimated(
 
 
 FEWEST_FOR_ORIENTATION = 5
+"""Poses, up to which a gain, creep or a cable would explain whatever is left of them; turns of the robot do not."""
 
 
 def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem:
@@ -100,10 +101,11 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
         start = start * max(float(np.mean(spread**2)), 1e-20)
     robot: tuple[Array | None, ...] = ()
     drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
+    if not plain and n > FEWEST_POSES and question.earlier is None:
+        robot = () if question.noise is not None else turns_of_robot(n, readings.time is not None)
     if not plain and n > FEWEST_FOR_ORIENTATION and question.earlier is None:
         errors = orientation_errors(readings.R_base_flange, question.gravity_direction, readings.time is not None)
         drifts, log_prior = drifts + errors[0], log_prior + errors[1]
-        robot = () if question.noise is not None else turns_of_robot(n, readings.time is not None)
     return Problem(
         readings.R_base_flange,
         readings.wrench,
