@@ -13,7 +13,7 @@ from ..statistics import counted, force_and_torque, two_digits
 from .bias_drift import Drift
 from .estimate import DECIDES, DECIDES_BY_FAR, IN_DOUBT, Beliefs, Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, WARNING, WEAK
-from .outliers import alike, probability_of_a_level
+from .outliers import LEVEL_SHARE, alike, probability_of_a_level
 from .priors import Question
 
 LARGE_SHARE, FAR_OFF = 0.25, 0.5
@@ -75,7 +75,7 @@ def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> lis
         *_poses_left_out(estimate, names),
         *_poses_in_doubt(estimate, beliefs, names),
         *_bias_moved(beliefs, names, poses),
-        *_with_orientation(beliefs, names, poses),
+        *_with_orientation(beliefs, estimate.weight_scale, names, poses),
         *_anywhere(estimate, beliefs),
         *_tilt_in_doubt(beliefs),
         *_drift_in_doubt(beliefs, names),
@@ -209,7 +209,7 @@ def _moved_in_words(drift: Drift, change: Array, probability: float, names: list
     return f"the bias wandered by {most}{over}: the last bias is given, with the std that this leaves it"
 
 
-def _with_orientation(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> list[Finding]:
+def _with_orientation(beliefs: Beliefs, weight: float, names: list[str], poses: tuple[Pose, ...]) -> list[Finding]:
     """Errors that come back with the orientation; of a bias in two levels, which poses are on the smaller side."""
     found = []
     for kind, probability in beliefs.with_orientation.items():
@@ -232,7 +232,9 @@ def _with_orientation(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...
                 text += (
                     f"; split in the order of the rows, as by a new zero before {first}: give their times (a column t)"
                 )
-            found.append(WARNING(kind, text))
+            if is_far := float(np.linalg.norm(beliefs.backlash[0, :3])) > SURELY * LEVEL_SHARE * weight:
+                text += "; backlash hardly moves that far: rather two zeros, the bias is halfway: calibrate each alone"
+            found.append((DOUBTFUL if is_far else WARNING)(kind, text))
     return found
 
 

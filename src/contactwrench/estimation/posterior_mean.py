@@ -101,16 +101,13 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
 
 
 def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Array:
-    """What joins the covariance (6, 6) of the bias by the probability of it: two levels, of which it is halfway and the
-    next pose on one; where a pose was left out as in contact and is the last, a step before it, which reads the same,
-    and where all of them are off alike, a second level that they are on. What no reading excludes is in the std.
+    """What joins the covariance (6, 6) of the bias where a pose was left out as in contact, by the probability of that:
+    where it is the last, a step before it reads the same, and where all of them are off alike, a second level that they
+    are on. What no reading excludes is in the std.
     """
     n = len(problem.wrench)
     added, stepping = np.zeros((6, 6)), any(drift.first_after == n - 1 for drift in problem.kernels.drifts)
     for table, here in each_with_place(tables):
-        for member in np.flatnonzero(table.kinds == Kind.TWO_LEVELS).tolist():
-            halfway = explained(problem, table, member)[1][0]
-            added += float(weight[here][member]) * np.outer(halfway, halfway)
         out = np.flatnonzero(~table.kept)
         if not len(out):
             continue
