@@ -218,6 +218,7 @@ class State:
     turn_usual: float = 0.0
     speed: float = 0.0
     sharpest: float = 0.0
+    sharpest_time: float = 0.0
     steady: bool = False
     jitter: float = 0.0
     longest_rest: float = 0.0

@@ -1,8 +1,8 @@
 """Threads: one reader a device, one worker that feeds the session with what came and hands on what it made.
 
-A reader never waits for the worker, and the worker never for a sink, a page or a disk: in between are bounded queues,
-and what does not fit is counted. While the worker waits for the sensor it reads it itself, as waking it for each sample
-takes as long as the sample; whenever it is busy for longer, as with a fit, the reader goes on.
+No device waits for the worker, and the worker for no sink, page or disk: in between are bounded queues, and what does
+not fit is counted. While the worker waits for the sensor it reads it itself, as waking it for each sample takes as long
+as the sample; whenever it is busy for longer, as with a fit, the reader goes on.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Reader:
 
     def __init__(self, source: Source, about: About, early: Batch) -> None:
         self._source, self.about = source, about
-        self._passes = getattr(source, "passes", False)
+        self._any_thread = getattr(source, "any_thread", False)
         self._news: deque[News] = deque()
         self._stop = Event()
         self.wake: SimpleQueue[None] = SimpleQueue()
@@ -97,7 +97,7 @@ class Reader:
         """Wait for what comes next, and put it, in the calling thread; False: its own thread is at it. That one stands
         by from now on, and goes on where this is not called for `TURN` s.
         """
-        if not self._passes or self._failure is not None or self._stop.is_set():
+        if not self._any_thread or self._failure is not None or self._stop.is_set():
             return False
         self._stands_by_until = now() + 2.0 * TURN
         if not self._reads.acquire(blocking=False):
