@@ -231,12 +231,11 @@ class Pump:
 
     def _run(self) -> None:
         try:
-            while not self._stop.is_set():
+            ended = False
+            while not ended:
                 self._pause()
-                ended = self._readers["sensor"].ended
+                ended = self._stop.is_set() or self._readers["sensor"].ended
                 self._turn(now())
-                if ended:
-                    break
         except BaseException as error:  # a thread's error is said by whoever waits for it
             self.failure = error
 
