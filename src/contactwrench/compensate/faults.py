@@ -207,8 +207,7 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
         return 0.0
     if since <= 0.0:
         return 0.0
-    usual = since if usual == 0.0 else usual
-    usual += 0.05 * (min(since, 5.0 * usual) - usual)
+    usual = usual + 0.05 * (min(since, 5.0 * usual) - usual) if usual > 0.0 else since
     R, last, turn = s.R, s.last_R, s.last_turn
     squared = before = along = 0.0
     for k in range(9):
