@@ -162,12 +162,11 @@ def test_a_weight_left_by_an_orientation_that_comes_late_is_told_by_where_it_act
 
 def test_a_pull_while_the_arm_moves_is_not_taken_for_the_inertia_that_is_subtracted() -> None:
     """Of 2 N along the tool, again and again, where its inertia, which the calibration knows, is as large."""
-    calibration, samples = in_motion.calibrated(), in_motion.pushed().samples()
-    samples = samples.select(slice(-5000, None))
-    assert samples.t is not None
+    calibration, samples = in_motion.calibrated(), in_motion.pushed().samples().select(slice(-5000, None))
     pull, motion = np.zeros((5000, 6)), motion_of(calibration, samples)
     pull[np.arange(5000) % 900 > 400] = [0.0, 0.0, 2.0, -0.04, -0.04, 0.0]
     samples = replace(samples, wrench=samples.wrench + pull)
+    assert samples.t is not None
     doubt, compensator = InDoubt(calibration), cw.Compensator(calibration, noise=[0.05] * 3 + [0.002] * 3)
     doubt.add(samples, compensator.run(samples.wrench, samples.R_base_flange, samples.t, motion=motion))
     assert str(doubt) == ""
