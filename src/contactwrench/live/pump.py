@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from queue import Empty, Queue, SimpleQueue
+from queue import Queue
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -55,8 +55,8 @@ class Reader:
         self._any_thread = getattr(source, "any_thread", False)
         self._news: deque[News] = deque()
         self._stop = Event()
-        self.wake: SimpleQueue[None] = SimpleQueue()
-        """Gets something whenever something came."""
+        self.wake = Event()
+        """Set whenever something came."""
         self._given = self._taken = self._full = 0
         self._ended = False
         self._reads, self._stands_by_until = Lock(), 0.0
@@ -155,7 +155,7 @@ class Reader:
         """While another thread leads; raises what that met with."""
         while (left := self._stands_by_until - now()) > 0.0 and not self._stop.is_set():
             self._reads.release()
-            self._wake_up()  # whoever leads may be waiting for this one's last batch
+            self.wake.set()  # whoever leads may be waiting for this one's last batch
             self._stop.wait(left)
             self._reads.acquire()
         failure, self._failure = self._failure, None
@@ -172,11 +172,7 @@ class Reader:
                 return
             self._given += len(news.samples)
         self._news.append(news)
-        self._wake_up()
-
-    def _wake_up(self) -> None:
-        if self.wake.empty():
-            self.wake.put(None)
+        self.wake.set()
 
 
 class Pump:
@@ -223,7 +219,7 @@ class Pump:
         for reader in self._readers.values():
             reader.join()
         self._stop.set()
-        self._wake.put(None)
+        self._wake.set()
         if self._worker.ident is not None:
             self._worker.join(ENDS_IN)
         for sink in self._sinks:
@@ -241,14 +237,9 @@ class Pump:
 
     def _pause(self) -> None:
         """Until the sensor sent something, or a moment."""
-        if self._readers["sensor"].lead():
-            return
-        try:
-            self._wake.get(timeout=TURN)
-            while not self._wake.empty():
-                self._wake.get_nowait()
-        except Empty:
-            return
+        if not self._readers["sensor"].lead():
+            self._wake.wait(TURN)
+            self._wake.clear()
 
     def _turn(self, t: float) -> None:
         batches = {role: self._taken(role, reader, t) for role, reader in self._readers.items()}
