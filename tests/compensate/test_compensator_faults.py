@@ -420,6 +420,17 @@ def test_a_frozen_orientation_of_an_arm_that_was_turning(every: int) -> None:
     assert np.abs(batch.wrench[1300:2000, 2]).max() < (6.0 if every == 1 else 1e9) * batch.std[1300, 2]
 
 
+def test_a_single_wrong_pose_does_not_hide_that_poses_freeze_later() -> None:
+    """It leaps by 6 deg within 1 ms, as no arm does that could stop so."""
+    calibration, rig, rng = calibrated(9)
+    R = _swing(N, speed=1.5)
+    told = R.copy()
+    told[300] @= Rotation.from_rotvec([0.0, 0.1, 0.0]).as_matrix()
+    told[600:1200] = told[600]
+    batch = _compensator(calibration).run(free(rig, R, rng), told, times(N))
+    assert [str(reason).partition(":")[0] for reason in batch.reason[630:1200]] == ["frozen"] * 570
+
+
 @pytest.mark.parametrize("every", [1, 10])
 def test_an_arm_that_stops_and_is_quite_still_is_not_frozen(every: int) -> None:
     """At 5 rad/s^2, poses at 1 kHz or 100 Hz; while it rests its pose repeats exactly."""

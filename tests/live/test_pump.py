@@ -22,8 +22,8 @@ class Counting:
 
     uri = "counting:"
 
-    def __init__(self, passes: bool) -> None:
-        self.passes, self.read_by, self.opened, self.fails = passes, list[str](), list[str](), False
+    def __init__(self, any_thread: bool) -> None:
+        self.any_thread, self.read_by, self.opened, self.fails = any_thread, list[str](), list[str](), False
 
     def open(self) -> About:
         """Note the thread."""
@@ -44,8 +44,10 @@ class Counting:
         """Nothing to close."""
 
 
-def ran(source: Counting, fails: bool = False) -> tuple[list[str], list[str]]:
-    """The threads that read `source` before, while and after the worker is busy, and what the session said."""
+def ran(source: Counting, fails: bool = False, later: float = BUSY + 0.4) -> tuple[list[str], list[str]]:
+    """The threads that read `source` before the worker is busy and until it is closed `later`, s, all of which was
+    taken; and what the session said.
+    """
     busy = [0.0]
 
     def publish(_: bytes) -> None:
@@ -58,7 +60,7 @@ def ran(source: Counting, fails: bool = False) -> tuple[list[str], list[str]]:
     sleep(0.3)
     source.fails = fails
     busy[0] = BUSY
-    sleep(BUSY + 0.9 * fails + 0.4)
+    sleep(later)
     pump.close()
     assert pump.failure is None
     assert session.snapshot(now()).devices[0].samples == len(source.read_by)
@@ -66,20 +68,25 @@ def ran(source: Counting, fails: bool = False) -> tuple[list[str], list[str]]:
 
 
 def test_the_worker_reads_what_it_waits_for_and_the_reader_while_it_is_busy() -> None:
-    read_by, said = ran(Counting(passes=True))
+    read_by, said = ran(Counting(any_thread=True))
     assert read_by[-1] == "worker"
     assert read_by.count("reads counting:") > 20
     assert said == ["connected"]
 
 
-@pytest.mark.parametrize("passes", [True, False])
-def test_what_fails_in_either_thread_is_connected_to_again_by_the_reader(passes: bool) -> None:
-    source = Counting(passes)
-    _, said = ran(source, fails=True)
+def test_what_came_until_it_is_closed_is_taken_though_the_worker_is_busy() -> None:
+    read_by, _ = ran(Counting(any_thread=True), later=0.5 * BUSY)
+    assert read_by.count("reads counting:") > 20
+
+
+@pytest.mark.parametrize("any_thread", [True, False])
+def test_what_fails_in_either_thread_is_connected_to_again_by_the_reader(any_thread: bool) -> None:
+    source = Counting(any_thread)
+    _, said = ran(source, fails=True, later=BUSY + 1.3)
     assert [kind for kind in said if kind in ("down", "back")] == ["down", "back"]
     assert source.opened == ["MainThread", "reads counting:"]
 
 
 def test_a_source_that_does_not_say_so_is_read_by_one_thread() -> None:
-    read_by, _ = ran(Counting(passes=False))
+    read_by, _ = ran(Counting(any_thread=False))
     assert set(read_by) == {"reads counting:"}

@@ -14,12 +14,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.compensate.contact_wrenches import Contact, ContactWrenches
+from contactwrench.compensate.contact_wrenches import Contact, ContactWrenches, motion_of
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording.compensate import Treatment, compensated
 from contactwrench.recording.in_doubt import InDoubt, OffThroughout
 from contactwrench.recording.options import Options
 from contactwrench.samples.samples import Samples
+from tests.support import in_motion
 from tests.support.in_motion import at_stops, moving
 from tests.support.live import calibrated, free
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
@@ -121,16 +122,20 @@ def test_a_new_zero_is_asked_about_though_a_hand_comes_later(tmp_path: Path) -> 
     assert float(start[1]) == pytest.approx(38.0, abs=0.3)
 
 
-@pytest.mark.parametrize(("newtons", "asked"), [(0.3, True), (3.0, False)])
-def test_many_contacts_that_are_hardly_more_than_chance_are_asked_about(newtons: float, asked: bool) -> None:
-    """Of 0.05 N of noise: two dozen of a second each."""
+@pytest.mark.parametrize(("newtons", "std", "asked"), [(0.3, 0.05, True), (3.0, 0.05, False), (0.3, np.nan, False)])
+def test_many_contacts_that_are_hardly_more_than_chance_are_asked_about(
+    newtons: float, std: float, asked: bool
+) -> None:
+    """Two dozen of 0.4 s each, of 0.05 N of noise, or where what is known of it tells nothing."""
     calibration, rig, rng = calibrated(3)
-    R, t, std = turning(100, rng), np.arange(100) / 100.0, np.tile([0.05, 0.05, 0.05, 0.002, 0.002, 0.002], (100, 1))
+    R, t, of_rows = turning(100, rng), np.arange(100) / 100.0, np.tile(std * np.repeat([1.0, 0.04], 3), (100, 1))
     doubt, peak = InDoubt(calibration), newtons * np.array([0.6, 0.0, 0.8, 0.0, 0.03, 0.0])
     for start in range(0, 48, 2):
         contact = Contact(start, start + 0.4, peak, peak, np.eye(6), True)
         touching = (t < 0.4).astype(np.int8)
-        batch = ContactWrenches(touching[:, None] * peak, std, start + t, True, contact=touching, contacts=(contact,))
+        batch = ContactWrenches(
+            touching[:, None] * peak, of_rows, start + t, True, contact=touching, contacts=(contact,)
+        )
         doubt.add(Samples(readings(rig, R) + batch.wrench, R, start + t), batch)
     assert str(doubt) == (
         "24 of 24 contacts are hardly more than chance gives: if nothing touches, the bias drifted (--drift), or the "
@@ -153,6 +158,18 @@ def test_a_weight_left_by_an_orientation_that_comes_late_is_told_by_where_it_act
         "orientation comes late (--delay) or is off, or it is the inertia as the arm accelerates: record positions for "
         "--model dynamic, or state what it scatters by in motion (--noise)"
     ]
+
+
+def test_a_pull_while_the_arm_moves_is_not_taken_for_the_inertia_that_is_subtracted() -> None:
+    """Of 2 N along the tool, again and again, where its inertia, which the calibration knows, is as large."""
+    calibration, samples = in_motion.calibrated(), in_motion.pushed().samples().select(slice(-5000, None))
+    pull, motion = np.zeros((5000, 6)), motion_of(calibration, samples)
+    pull[np.arange(5000) % 900 > 400] = [0.0, 0.0, 2.0, -0.04, -0.04, 0.0]
+    samples = replace(samples, wrench=samples.wrench + pull)
+    assert samples.t is not None
+    doubt, compensator = InDoubt(calibration), cw.Compensator(calibration, noise=[0.05] * 3 + [0.002] * 3)
+    doubt.add(samples, compensator.run(samples.wrench, samples.R_base_flange, samples.t, motion=motion))
+    assert str(doubt) == ""
 
 
 def test_a_drift_is_asked_about_and_followed_it_is_none(tmp_path: Path) -> None:

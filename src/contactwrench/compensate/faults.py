@@ -34,7 +34,7 @@ CHANCE_OF_REPEATS = 207.0
 filtered moves that much more slowly."""
 BRAKING, FASTEST = 20.0, 20.0
 """rad/s^2 and rad/s: no arm stops a turn faster, and none turns faster: poses that seem to were wrong ones."""
-SHARPEST_FADES = 5.0
+SHARPEST_LASTS = 5.0
 """s: a turn that was seen to change so sharply may end as sharply: where it is looked up between two poses, it changes
 from one reading to the next. Longer misses a pose that froze and had leapt before."""
 FURTHEST = 1e3
@@ -207,8 +207,7 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
         return 0.0
     if since <= 0.0:
         return 0.0
-    usual = since if usual == 0.0 else usual
-    usual += 0.05 * (min(since, 5.0 * usual) - usual)
+    usual = usual + 0.05 * (min(since, 5.0 * usual) - usual) if usual > 0.0 else since
     R, last, turn = s.R, s.last_R, s.last_turn
     squared = before = along = 0.0
     for k in range(9):
@@ -222,8 +221,9 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
     straight = along > 0.5 * sqrt(squared * before)
     speed = sqrt(0.5 * squared) / since
     s.steady = straight and max(BRAKING, s.sharpest) * max(since, usual) < min(speed, s.speed) < FASTEST
-    kink = abs(speed - s.speed) / since if s.speed > 0.0 else 0.0
-    s.sharpest = max(s.sharpest * max(1.0 - since / SHARPEST_FADES, 0.0), kink)
+    kink = abs(speed - s.speed) / since if s.speed > 0.0 and max(speed, s.speed) < FASTEST else 0.0
+    if kink > s.sharpest or now - s.sharpest_time > SHARPEST_LASTS:
+        s.sharpest, s.sharpest_time = kink, now
     s.longest_rest = max(s.longest_rest, since)
     if along < 0.0 and speed < 0.05:
         s.jitter += 1.0

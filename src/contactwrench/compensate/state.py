@@ -1,6 +1,4 @@
-"""What a running Compensator knows, and a sample: one declaration each, attributes for plain Python, a numpy record for
-numba. Functions of them are marked by `kernel`: one source for both, of what numba compiles: numbers, lists, loops.
-"""
+"""What a running Compensator knows, and a sample: declared once, attributes for plain Python, a record for numba."""
 # ruff: noqa: RUF009, `numbers` gives a field
 
 from __future__ import annotations
@@ -41,7 +39,7 @@ KERNEL: list[Callable[..., Any]] = []
 
 
 def kernel(function: Function) -> Function:
-    """Mark a function that runs both plain and compiled."""
+    """Mark a function that runs both plain and compiled, of what numba compiles: numbers, lists, attributes, loops."""
     KERNEL.append(function)
     return function
 
@@ -218,6 +216,7 @@ class State:
     turn_usual: float = 0.0
     speed: float = 0.0
     sharpest: float = 0.0
+    sharpest_time: float = 0.0
     steady: bool = False
     jitter: float = 0.0
     longest_rest: float = 0.0

@@ -47,9 +47,7 @@ class History:
 
     def add(self, turn: Turn) -> None:
         """The readings of a turn that may be used."""
-        for t, _, wrench, orientation, flaw in turn.readings:
-            if not flaw:
-                self._fresh.append((t, *wrench, *orientation))
+        self._fresh.extend((t, *wrench, *orientation) for t, _, wrench, orientation, flaw in turn.readings if not flaw)
 
     def _take_in(self) -> None:
         good = [*self._fresh]

@@ -1,15 +1,15 @@
 """Threads: one reader a device, one worker that feeds the session with what came and hands on what it made.
 
-A reader never waits for the worker, and the worker never for a sink, a page or a disk: in between are bounded queues,
-and what does not fit is counted. While the worker waits for the sensor it reads it itself, as waking it for each sample
-takes as long as the sample; whenever it is busy for longer, as with a fit, the reader goes on.
+No device waits for the worker, and the worker for no sink, page or disk: in between are bounded queues, and what does
+not fit is counted. While the worker waits for the sensor it reads it itself, as waking it for each sample takes as long
+as the sample; whenever it is busy for longer, as with a fit, the reader goes on.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from queue import Empty, Queue, SimpleQueue
+from queue import Queue
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -52,11 +52,11 @@ class Reader:
 
     def __init__(self, source: Source, about: About, early: Batch) -> None:
         self._source, self.about = source, about
-        self._passes = getattr(source, "passes", False)
+        self._any_thread = getattr(source, "any_thread", False)
         self._news: deque[News] = deque()
         self._stop = Event()
-        self.wake: SimpleQueue[None] = SimpleQueue()
-        """Gets something whenever something came."""
+        self.wake = Event()
+        """Set whenever something came."""
         self._given = self._taken = self._full = 0
         self._ended = False
         self._reads, self._stands_by_until = Lock(), 0.0
@@ -97,7 +97,7 @@ class Reader:
         """Wait for what comes next, and put it, in the calling thread; False: its own thread is at it. That one stands
         by from now on, and goes on where this is not called for `TURN` s.
         """
-        if not self._passes or self._failure is not None or self._stop.is_set():
+        if not self._any_thread or self._failure is not None or self._stop.is_set():
             return False
         self._stands_by_until = now() + 2.0 * TURN
         if not self._reads.acquire(blocking=False):
@@ -155,7 +155,7 @@ class Reader:
         """While another thread leads; raises what that met with."""
         while (left := self._stands_by_until - now()) > 0.0 and not self._stop.is_set():
             self._reads.release()
-            self._wake_up()  # whoever leads may be waiting for this one's last batch
+            self.wake.set()  # whoever leads may be waiting for this one's last batch
             self._stop.wait(left)
             self._reads.acquire()
         failure, self._failure = self._failure, None
@@ -172,11 +172,7 @@ class Reader:
                 return
             self._given += len(news.samples)
         self._news.append(news)
-        self._wake_up()
-
-    def _wake_up(self) -> None:
-        if self.wake.empty():
-            self.wake.put(None)
+        self.wake.set()
 
 
 class Pump:
@@ -223,7 +219,7 @@ class Pump:
         for reader in self._readers.values():
             reader.join()
         self._stop.set()
-        self._wake.put(None)
+        self._wake.set()
         if self._worker.ident is not None:
             self._worker.join(ENDS_IN)
         for sink in self._sinks:
@@ -231,25 +227,19 @@ class Pump:
 
     def _run(self) -> None:
         try:
-            while not self._stop.is_set():
+            ended = False
+            while not ended:
                 self._pause()
-                ended = self._readers["sensor"].ended
+                ended = self._stop.is_set() or self._readers["sensor"].ended
                 self._turn(now())
-                if ended:
-                    break
         except BaseException as error:  # a thread's error is said by whoever waits for it
             self.failure = error
 
     def _pause(self) -> None:
         """Until the sensor sent something, or a moment."""
-        if self._readers["sensor"].lead():
-            return
-        try:
-            self._wake.get(timeout=TURN)
-            while not self._wake.empty():
-                self._wake.get_nowait()
-        except Empty:
-            return
+        if not self._readers["sensor"].lead():
+            self._wake.wait(TURN)
+            self._wake.clear()
 
     def _turn(self, t: float) -> None:
         batches = {role: self._taken(role, reader, t) for role, reader in self._readers.items()}

@@ -128,7 +128,7 @@ class About:
 
 class Source(Protocol):
     """A device. One thread opens and reads it; `close` may come from any thread, and ends a read that waits. One that
-    has `passes` set may be read by one thread after another, which saves waking one for each sample.
+    has `any_thread` set may be read by one after another, which saves waking one for each sample.
     """
 
     uri: str

@@ -19,6 +19,7 @@ from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_
 from ..compensate.delay import delay_of, std_of_delay
 from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, smoothed
+from ..compensate.state import INTERVALS
 from ..errors import InputError
 from ..estimation.calibrate import calibrate
 from ..geometry.arrays import Array
@@ -189,10 +190,10 @@ def _paired(
     if treatment.judged:
         if treatment.noise is None and calibration.still_noise is None:
             note(f"{NOISE_IS_LEARNED}; --noise states it")
-        first = next((part.samples for part in begun if len(part.samples) > 1), begun[0].samples)
+        times = (part.samples.t for part in begun if part.samples.t is not None)
         compensator = Compensator(
             calibration,
-            rate=None if first.t is None else rate_of(first.t),
+            rate=next((rate_of(t) for t in times if len(t) > INTERVALS), None),  # a few would be believed to the end
             delay=0.0,
             delay_std=std_of_delay(calibration) if treatment.delay is None else 0.0,
             drift=treatment.drift,

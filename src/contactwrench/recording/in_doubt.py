@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..calibration.calibration import Calibration
 from ..calibration.dynamics import inertial_matrix
 from ..compensate.bias_tracking import SAME_SECONDS
-from ..compensate.contact_wrenches import FREE, NOT_GIVEN, NOT_JUDGED, TOUCHING, ContactWrenches
+from ..compensate.contact_wrenches import FREE, NOT_GIVEN, NOT_JUDGED, TOUCHING, ContactWrenches, motion_of
 from ..compensate.faults import Reason
 from ..errors import InputError
 from ..estimation.noise import PER_NEWTON, variance_of_means
@@ -125,13 +125,14 @@ class InDoubt:
         self.touching += int(np.sum(touching))
         self.contacts += len(batch.contacts)
         self.short += sum(each.release is not None and each.release - each.onset < SHORT for each in batch.contacts)
-        least_std = np.fmin.reduce(np.linalg.norm(batch.std.reshape(-1, 2, 3), axis=2), initial=np.inf) / np.sqrt(3.0)
+        least_std = np.fmin.reduce(np.linalg.norm(batch.std.reshape(-1, 2, 3), axis=2)) / np.sqrt(3.0)
         peaks = np.reshape([each.peak for each in batch.contacts], (-1, 2, 3))
         self.faint += int(np.sum(np.all(np.linalg.norm(peaks, axis=2) < FAINT * least_std, axis=1)))
-        for row in (row for row, why in enumerate(batch.reason) if why is not None and why.kind == NOTHING_CHANGES):
-            self.same = np.fmin(self.same, t[row] - SAME_SECONDS)
+        same = [row for row, why in enumerate(batch.reason) if why is not None and why.kind == NOTHING_CHANGES]
+        self.same = np.fmin.reduce(t[same] - SAME_SECONDS, initial=self.same)
         if touching.any():
-            felt = self.calibration.compensate(samples.wrench, samples.R_base_flange)  # of the batch in whatever axes
+            motion = motion_of(self.calibration, samples)
+            felt = self.calibration.compensate(samples.wrench, samples.R_base_flange, motion=motion)  # sensor axes
             self.of_mass += int(np.sum(touching & batch.valid & self._of_mass(felt, batch.std)))
             if (inertial := self._inertial(samples)) is not None:
                 left, of_sample = (np.sum(force[:, :3] ** 2, axis=1) for force in (felt - inertial, felt))

@@ -14,7 +14,7 @@ SPIKE, SPIKE_OF_SPAN, SPAN_LEAST, AGREE = 30.0, 0.5, 0.05, 0.1
 further, and its neighbours differ by no more of it than that. Of nine measured recordings one has any, 5 in contact.
 """
 MOST_LOOKED_AT, IN_CACHE = 100_000, 4096
-"""Readings that tell what is usual; and of which a look at all takes no longer than memory gives them."""
+"""Readings that tell what is usual, drawn at random from more; and so many are looked at at once as a cache holds."""
 STAYS = 0.1
 """Of a rotation's entries: rows that are apart by more do not tell what a reading in between should be."""
 
@@ -34,7 +34,7 @@ def spikes(samples: Samples) -> NDArray[np.bool_]:
 
 
 def _least_jump(wrench: Array) -> Array:
-    """What a spike is, on each channel (6,): always of the same readings, where these are many."""
+    """How far a spike jumps at the least, on each channel (6,); of so many readings always by the same draw."""
     n = len(wrench)
     k = np.arange(1, n - 1) if n <= MOST_LOOKED_AT else np.random.default_rng(n).integers(1, n - 1, MOST_LOOKED_AT)
     jumps = _jumps(wrench[k - 1], wrench[k], wrench[k + 1]).T

@@ -44,7 +44,7 @@ class Reader(Generic[AnyLink]):
 
     PORT = 0
     """That is meant where the URI has none."""
-    passes = True
+    any_thread = True
     OPTIONS: tuple[str, ...] = ()
     """That the URI may have."""
 

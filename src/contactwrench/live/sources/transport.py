@@ -46,8 +46,8 @@ class Deadline:
 
 
 class Link(ABC):
-    """A socket that one thread reads and any may close, which ends a wait of the reader. Messages name the device by
-    its `uri`, and by what is expected there, a `device`.
+    """A socket that one thread at a time reads and any may close, which ends a wait of the reader. Messages name the
+    device by its `uri`, and by what is expected there, a `device`.
 
     The reader holds the lock while it waits, so that no socket is closed, and its number given to another, under it.
     """
