@@ -30,7 +30,7 @@ SAID, WANDERS = 0.5, 0.75
 FEW_POSES = 4
 MOST_NAMED = 6
 SURELY, LONG_LEVER = 3.0, 0.15
-"""Standard deviations of a force that is none; m."""
+"""Standard deviations, of a force that is none and of the prior of backlash; m."""
 COUNTED = "(probability {}): it is counted in every std"
 WITH_ORIENTATION = {
     Kind.GAIN: f"gain or cross-talk of the sensor shows {COUNTED}; a calibrated sensor matrix would mend it",
@@ -210,7 +210,9 @@ def _moved_in_words(drift: Drift, change: Array, probability: float, names: list
 
 
 def _with_orientation(beliefs: Beliefs, weight: float, names: list[str], poses: tuple[Pose, ...]) -> list[Finding]:
-    """Errors that come back with the orientation; of a bias in two levels, which poses are on the smaller side."""
+    """Errors that come back with the orientation; of a bias in two levels, which poses are on the smaller side, and
+    whether these are further apart than backlash moves a tool of that `weight`, N.
+    """
     found = []
     for kind, probability in beliefs.with_orientation.items():
         chance = _percent(min(probability, 0.999))

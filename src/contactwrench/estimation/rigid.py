@@ -51,6 +51,9 @@ WIDE = 0.1
 FEWEST_FOR_STEP, MOST_OF_IT = 8, 0.75
 """Poses, and the share of what is left, from which on a start counts a step of the bias."""
 
+FEWEST_FOR_ORIENTATION = 5
+"""Poses, up to which a gain, creep or a cable would explain whatever is left of them; turns of the robot do not."""
+
 SAME_PLACE = 0.2
 """Of the force: another sign differs by 2, another mounting by 1 or so."""
 
@@ -90,20 +93,15 @@ def estimated(
     return mean_of(problem, tables, readings, plain)
 
 
-FEWEST_FOR_ORIENTATION = 5
-"""Poses, up to which a gain, creep or a cable would explain whatever is left of them; turns of the robot do not."""
-
-
 def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem:
     n, start = len(readings), relative_variances(question.noise)
     if question.noise is None:
         spread = readings.wrench[:, :3] - readings.wrench[:, :3].mean(axis=0)
         start = start * max(float(np.mean(spread**2)), 1e-20)
-    robot: tuple[Array | None, ...] = ()
     drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
-    if not plain and n > FEWEST_POSES and question.earlier is None:
-        robot = () if question.noise is not None else turns_of_robot(n, readings.time is not None)
-    if not plain and n > FEWEST_FOR_ORIENTATION and question.earlier is None:
+    anew = not plain and question.earlier is None
+    turns = anew and n > FEWEST_POSES and question.noise is None
+    if anew and n > FEWEST_FOR_ORIENTATION:
         errors = orientation_errors(readings.R_base_flange, question.gravity_direction, readings.time is not None)
         drifts, log_prior = drifts + errors[0], log_prior + errors[1]
     return Problem(
@@ -114,7 +112,7 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
         PARAMETERS[model_fitted(question.model)],
         question,
         NoiseModel(readings.least_variance, question.noise, start),
-        robot,
+        turns_of_robot(n, readings.time is not None) if turns else (),
     )
 
 
