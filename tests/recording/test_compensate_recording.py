@@ -272,7 +272,8 @@ def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibrat
     path, layout = write_two_files(tmp_path)
     log = ContactLog()
     list(log.noted(compensated(path, layout, calibration, Treatment(delay=LATE, judged=True, noise=NOISE))))
-    assert summary(log) == "4000 samples over 7.998 s: 2 contacts, 16.2% of the time; 29 not valid."
+    why = "29 not valid (29 after the last orientation)"
+    assert summary(log) == f"4000 samples over 7.998 s: 2 contacts, 16.2% of the time; {why}."
     write_contact_report(tmp_path / "r.html", "Contacts", log, ())
     page = (tmp_path / "r.html").read_text()
     assert page.count("<tr><th>1</th>") == 1

@@ -33,6 +33,8 @@ SHADE, FAULT = "#f3d9a4", "#b3541e"
 MOST_LISTED = 200
 """Contacts in the page's table."""
 MOST_SHADED = 1000
+MOST_NAMED = 3
+"""Reasons why samples are not valid, in the summary."""
 
 
 class ContactLog:
@@ -152,7 +154,9 @@ def summary(log: ContactLog, episodes: int = 0) -> str:
     contacts = "no contact"
     if log.contacts:
         contacts = f"{counted(len(log.contacts), 'contact')}, {log.touching / log.rows:.1%} of the time"
-    faults = "all valid" if log.faults == 0 else f"{log.faults} not valid"
+    most = sorted(log.reasons.items(), key=lambda reason: -reason[1][0])[:MOST_NAMED]
+    why = ", ".join(f"{count} {kind}" for kind, (count, _) in most) + ", ..." * (len(log.reasons) > len(most))
+    faults = f"{log.faults} not valid ({why})" if log.faults else "all valid"
     span = f"over {log.end - log.start if log.rows else 0.0:.4g} s"
     within = f"in {counted(episodes, 'episode')}" if episodes else span
     return f"{log.rows} samples {within}: {contacts}; {faults}."
