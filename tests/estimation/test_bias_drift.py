@@ -179,6 +179,19 @@ def test_a_step_before_any_pose_leaves_the_last_bias_within_its_std(before: int)
         assert any("pose 12 (t = 110 s), the last one, was left out: " in text for text in calibration.warnings)
 
 
+@pytest.mark.parametrize("seed", [12, 54])
+def test_a_pose_in_contact_does_not_hide_a_step(seed: int) -> None:
+    """All poses after the step were taken for contacts, too, and the bias was the first one, 28 of its std off."""
+    rig, R, rng = example(seed)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    before, touched, force = rng.integers(16, 20), rng.integers(24), direction(rng, 3)
+    wrench[touched] += np.r_[force, np.cross([0.0, 0.0, 0.1], force)] * 30.0 * NOISE[0]
+    wrench[:before] += 7.0 * NOISE * rng.choice([-1.0, 1.0], 6)
+    calibration = cw.calibrate(cw.Samples(wrench, R))
+    assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0
+    assert [f"the bias stepped before pose {before + 1}" in text for text in calibration.warnings].count(True) == 1
+
+
 def test_a_last_pose_that_is_off_is_taken_for_a_contact_rather_than_for_a_step() -> None:
     """As it is in nearly all cases: the bias that is given is not moved towards it."""
     for seed in range(2):

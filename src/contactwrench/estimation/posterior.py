@@ -21,7 +21,17 @@ from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
 from .problem import Problem
 from .robot_errors import turns_across_gravity
 from .settling import settled, with_kernels
-from .tables import FAR, Table, covariance_of_errors, explained, near_kernels, shown_at_a_glance, table_at
+from .tables import (
+    FAR,
+    NEAR_AT_A_GLANCE,
+    Table,
+    covariance_of_errors,
+    explained,
+    near_kernels,
+    odds_at_a_glance,
+    seen,
+    table_at,
+)
 
 DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
@@ -66,7 +76,8 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
             better = max(flips, key=lambda table: table.log_evidence, default=now)
             if better.log_evidence <= now.log_evidence:
                 break
-            now = better
+            tables[better.kept.tobytes()] = now = _looked_at_anew(problem, better, near)
+            near = np.union1d(near, near_kernels([now]))
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
     proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
     proposed += [side for table in (found[0], tables[everything.tobytes()]) for side in _two_sides(problem, table)]
@@ -75,6 +86,16 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
     own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
     return [first, *(table_at(own, first.tool, table.kept, hypotheses, table) for own, table in own_kernels)]
+
+
+def _looked_at_anew(problem: Problem, table: Table, near: NDArray[np.intp]) -> Table:
+    """The table with the kernels that are likelier than a steady bias and not among those `near`: a pose in contact,
+    left out now, had hidden them.
+    """
+    hidden = np.setdiff1d(seen(problem, table.kept, None), near)
+    odds = odds_at_a_glance(problem, table.tool, table.kept, table.hypotheses, hidden)
+    shown = hidden[(odds > 0.0) & np.isfinite(odds)]
+    return with_kernels(problem, table, shown) if len(shown) else table
 
 
 def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_]]) -> Table:
@@ -88,7 +109,7 @@ def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_
     possible = np.isfinite(log_prior)
     kernels = problem.kernels.joined(list(compress(levels, possible)), list(compress(log_prior, possible)))
     problem, look = replace(problem, kernels=kernels), np.arange(before, len(kernels.drift))
-    shown = shown_at_a_glance(problem, table.tool, table.kept, table.hypotheses, look)
+    shown = look[odds_at_a_glance(problem, table.tool, table.kept, table.hypotheses, look) > -NEAR_AT_A_GLANCE]
     return with_kernels(problem, table, shown) if len(shown) else table
 
 

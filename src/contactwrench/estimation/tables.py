@@ -33,7 +33,7 @@ NEAR, NEAR_AT_A_GLANCE = 12.0, 16.0
 """The same after a rough look, kernels and hypotheses apart; and of one column against a steady bias, unsolved."""
 
 LOOK = 2
-"""Passes of a rough look."""
+"""Passes of a rough look at kernels. Of hypotheses, after so few, axes that err apart are far from their optimum."""
 
 FEW_PAIRS = 60
 """Of kernels and hypotheses, of which each is looked at closely; or of kernels, at none of which with a glance."""
@@ -107,9 +107,10 @@ def untouched(
     among: NDArray[np.intp],
 ) -> Table:
     """The members in which the robot's orientation is right: every kernel that shows under the widest hypothesis, every
-    hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
+    hypothesis under the likeliest kernel, the former roughly, and then the pairs that come near the best.
     """
-    among = shown_at_a_glance(problem, tool, kept, hypotheses, among) if len(among) > FEW_PAIRS else among
+    if len(among) > FEW_PAIRS:
+        among = among[odds_at_a_glance(problem, tool, kept, hypotheses, among) > -NEAR_AT_A_GLANCE]
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
     priors, kernels = problem.priors_at(tool, hypotheses), problem.kernels.select(among)
     moments = moments_of(X, relative, kernels, W, kept)
@@ -119,7 +120,7 @@ def untouched(
         looked_at = solved(moments, kernels, priors, (each, widest), problem.noise, LOOK)
         rough = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, looked_at)).log_evidence
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
-        of_hypotheses = solved(moments, kernels, priors, (likeliest, each), problem.noise, LOOK).log_evidence
+        of_hypotheses = solved(moments, kernels, priors, (likeliest, each), problem.noise).log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
     members = solved(moments, kernels, priors, (k, h), problem.noise)
     members = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, members))
@@ -127,21 +128,22 @@ def untouched(
     return Table(tool, priors, hypotheses, kept, problem.kernels, members)
 
 
-def shown_at_a_glance(
+def odds_at_a_glance(
     problem: Problem,
     tool: RigidTool,
     kept: NDArray[np.bool_],
     hypotheses: tuple[Hypothesis, ...],
     among: NDArray[np.intp],
-) -> NDArray[np.intp]:
-    """Of the kernels `among` which to look, those that may come near a steady bias, under the widest hypothesis."""
+) -> Array:
+    """Logarithm of the odds of kernels `among` which to look, against a steady bias, under the widest hypothesis; inf
+    where a glance cannot tell.
+    """
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
     first = np.zeros(1, dtype=np.intp)
     steady, priors = problem.kernels.select(first), problem.priors_at(tool, hypotheses[-1:])
     moments = moments_of(X, relative, steady, W, kept)
     alone = solved(moments, steady, priors, (first, first), problem.noise, LOOK)
-    odds = log_odds(X, relative, problem.kernels.select(among), W, kept, alone)
-    return np.asarray(among[odds > -NEAR_AT_A_GLANCE])
+    return log_odds(X, relative, problem.kernels.select(among), W, kept, alone)
 
 
 def _rows(problem: Problem, tool: RigidTool, kept: NDArray[np.bool_]) -> Array:
