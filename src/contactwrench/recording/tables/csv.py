@@ -7,7 +7,6 @@ say which row and column is wrong; rows are counted as an editor counts lines, t
 from __future__ import annotations
 
 import re
-from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError
-from ...files import blocks_of_lines, name_of
+from ...files import name_of
 from ...geometry.arrays import Array
 from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Body, Column, Naming, OpenTable, places_of, shown
 from .layout import Layout, is_row, layout_of, refuse_units_above
-from .text_cells import PERHAPS_DOTTED, cells, no_number, of_unknown_code, seconds_of_date, split, value
+from .text_cells import PERHAPS_DOTTED, LinesFrom, blocks_of_lines, cells, no_number, seconds_of_date, split, value
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", "")
 
@@ -37,29 +36,18 @@ POINT_FOR_COMMA = str.maketrans(",.", ".\0")
 FIRST_ROWS, LONGEST_HEAD = 100, 100_000
 """The layout is judged by at least so many rows, where there are as many in so many lines."""
 
-OTHER_KINDS = {
-    b"\x1f\x8b": "a gzip file, expected text: unpack it",
-    b"PK\3\4": "an Excel workbook or a zip file, expected text: export it as CSV, or unpack it",
-    b"\xd0\xcf\x11\xe0": "an Excel workbook, expected text: export it as CSV",
-    b"PAR1": "a Parquet file, expected text: name it .parquet",
-    b"\x89HDF": "an HDF5 file, expected text: name it .h5",
-    b"MATLAB": "a MAT-file, expected text: name it .mat",
-    b"\x93NUMPY": "an array of numpy, expected text: write it with numpy.savetxt",
-}
-"""By what they begin with."""
-
 
 def open_csv(path: str | Path, rows: int, naming: Naming = AS_NAMED) -> OpenTable:
     """A text file, `rows` lines at a time. Raises `FileAccessError`, and `FileFormatError` for what is no text, or has
     no header and no column that `naming` tells by its number.
     """
     source = name_of(path)
-    blocks = _blocks_of_text(path, source, rows)
-    first: list[tuple[int, str, float]] = []
+    blocks = blocks_of_lines(path, rows)
+    first: list[LinesFrom] = []
     lines: list[str] = []
     for block in blocks:
         first.append(block)
-        lines += block[1].removesuffix("\n").split("\n")
+        lines += block[1]
         if len(lines) > LONGEST_HEAD or sum(map(is_row, lines)) >= FIRST_ROWS:
             break
     found = layout_of(lines, source)
@@ -80,15 +68,14 @@ def open_csv(path: str | Path, rows: int, naming: Naming = AS_NAMED) -> OpenTabl
     return OpenTable(source, places_of(layout.names, source), lambda _: bodies)
 
 
-def _bodies(blocks: Iterator[tuple[int, str, float]], header_row: int, layout: Layout, source: str) -> Iterator[Lines]:
+def _bodies(blocks: Iterator[LinesFrom], header_row: int, layout: Layout, source: str) -> Iterator[Lines]:
     """The blocks of lines below the header that have rows, or one without any; of a live session that was ended from
     outside, less the row that it was writing (doubts.py tells).
     """
     any_rows, apart = False, replace(layout, separator="\t") if layout.separator == " " else layout
     following = next(blocks, None)
     while following is not None:
-        (first_row, text, done), following = following, next(blocks, None)
-        every = text.split("\n")
+        (first_row, every, done), following = following, next(blocks, None)
         if not following and layout.names[-1] == FLAW and every[-1].count(layout.separator) < len(layout.names) - 1:
             every.pop()
         while not following and len(every) > 1 and not every[-1].strip(f"{layout.separator} "):  # Excel's last rows
@@ -100,32 +87,6 @@ def _bodies(blocks: Iterator[tuple[int, str, float]], header_row: int, layout: L
         any_rows = any_rows or bool(rows)
         if rows or not (any_rows or following):
             yield Lines(lines, np.array(rows, dtype=np.intp), done, apart, source)
-
-
-def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[int, str, float]]:
-    """The row at which a block of lines begins, its text, and the part of the file that ends with it."""
-    row = 1
-    for content, done in blocks_of_lines(path, rows):
-        if row == 1 and (kind := next((kind for start, kind in OTHER_KINDS.items() if content.startswith(start)), "")):
-            raise FileFormatError(f"{source}: found {kind}")
-        if row == 1 and b"\0" in content[:4096]:  # UTF-16 with its mark comes as UTF-8
-            raise FileFormatError(
-                f"{source}: found UTF-16 or binary content, expected CSV text in UTF-8: save it as that"
-            )
-        try:
-            text = content.decode("utf-8-sig" if row == 1 else "utf-8")
-        except UnicodeDecodeError as error:
-            if row == 1 and content.startswith(BOM_UTF8):
-                where = row + content.count(b"\n", 0, error.start)
-                raise FileFormatError(
-                    f"{source}: row {where}: found a byte that is no UTF-8, expected UTF-8: save it as that"
-                ) from None
-            text = of_unknown_code(content)
-        text = text.replace("\N{MINUS SIGN}", "-")
-        if "\r" in text:
-            text = text.replace("\r\n", "\n").replace("\r", "\n")
-        yield row, text, done
-        row += text.count("\n")
 
 
 class Lines(Body):
