@@ -43,17 +43,13 @@ def lab(
         Literal["sri", "netft", "ft300", "robotiq", "lines"], typer.Option(help="The sensor's protocol.")
     ] = "sri",
     robot: Annotated[Literal["ur", "rsi", "lines"], typer.Option(help="The robot's protocol.")] = "ur",
-    live: Annotated[
-        bool, typer.Option("--live", help="Start `contactwrench live` on it too, and end with it.")
-    ] = False,
-    auto: Annotated[bool, typer.Option("--auto", help="The arm visits poses of its own accord.")] = False,
-    port_base: Annotated[
-        int, options.number(PORTS, "N", "The first port; the others follow. [default: any that are free]")
-    ] = 0,
-    seed: Annotated[int, options.number(SEED, "S", "Of everything random.")] = 0,
-    settings: Annotated[
-        list[str] | None, options.text("NAME=VALUE", "Change a setting of the rig; again for more.", "--set")
-    ] = None,
+    live: bool = options.switch("--live", "Start `contactwrench live` on it too, and end with it."),
+    auto: bool = options.switch("--auto", "The arm visits poses of its own accord."),
+    port_base: int = options.number(
+        PORTS, "N", "The first port; the others follow. [default: any that are free]", default=0
+    ),
+    seed: int = options.number(SEED, "S", "Of everything random.", default=0),
+    settings: list[str] | None = options.text("NAME=VALUE", "Change a setting of the rig; again for more.", "--set"),
 ) -> None:
     """Run a virtual lab: the rig of `simulate` in real time, behind real network protocols on this machine, until
     Ctrl-C.

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import wraps
-from inspect import Parameter, signature
+from inspect import Parameter
 from pathlib import Path
 from typing import Any, Final, TypeAlias, get_args
 
@@ -51,12 +51,12 @@ def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
     """A verb that writes over nothing that it reads, and over what is there only with --force: an option that it gets
     here, unless it has a `force` of its own.
     """
-    own = signature(verb, eval_str=True).parameters
+    own = options.parameters_of(verb)
     marks = {name: get_args(each.annotation)[1:] for name, each in own.items()}
     outputs = {name: mark for name, every in marks.items() for mark in every if isinstance(mark, Writes)}
     if not outputs:
-        return verb
-    force = Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=options.Force)
+        return options.spelled(verb, own.values())
+    force = Parameter("force", Parameter.KEYWORD_ONLY, default=options.FORCE, annotation=bool)
 
     @wraps(verb)
     def run(**values: Any) -> Any:

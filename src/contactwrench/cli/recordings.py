@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
-from inspect import Parameter, signature
+from inspect import Parameter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,15 +33,15 @@ OR_ITS = "or the calibration's]"
 
 def _text(metavar: str, help: str, *names: str, kind: type = str) -> Any:
     """The type of an option of reading that is a text, or a path."""
-    return Annotated[kind | None, options.text(metavar, help, *names, panel=PANEL)]
+    return Annotated[kind | None, *options.text(metavar, help, *names, panel=PANEL).notes]
 
 
 def _number(within: Range, metavar: str, help: str, kind: type = float) -> Any:
-    return Annotated[kind | None, options.number(within, metavar, help, panel=PANEL)]
+    return Annotated[kind | None, *options.number(within, metavar, help, panel=PANEL).notes]
 
 
 def _switch(names: str, help: str) -> Any:
-    return Annotated[bool | None, typer.Option(names, help=help, rich_help_panel=PANEL)]
+    return Annotated[bool | None, *options.switch(names, help, panel=PANEL).notes]
 
 
 RECORDING_HELP = (
@@ -134,7 +134,7 @@ class Recordings:
 
 def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
     """A verb whose parameter of one of the names in `READING` is spelled out for typer."""
-    own = signature(verb, eval_str=True).parameters
+    own = options.parameters_of(verb)
     name = next(iter(own.keys() & READING.keys()))
     reading = [
         Parameter(option, Parameter.KEYWORD_ONLY, default=None, annotation=of) for option, of in READING[name].items()
