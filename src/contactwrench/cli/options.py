@@ -27,18 +27,17 @@ REQUIRED = Parameter.empty
 
 
 class Declared(NamedTuple):
-    """What the default of a verb's parameter says of an option: its value where nobody states one, and what is noted of
-    it in the parameter's type: for typer, and for whoever guards outputs (`outputs.Writes`).
+    """What the default of a verb's parameter says of an option: its value where nobody states one; what is noted of it
+    in the parameter's type, for typer and for whoever guards outputs (`outputs.Writes`); the type where it has none.
     """
 
     default: Any
     notes: tuple[Any, ...]
+    kind: Any = None
 
 
-def number(
-    within: Range, metavar: str, help: str, *names: str, default: float | None = None, panel: str | None = None
-) -> Any:
-    """The declaration of an option that takes a number of that range; the section of the help that it stands in."""
+def number(within: Range, metavar: str, help: str, *names: str, **more: Any) -> Any:
+    """The declaration of an option that takes a number of that range; `more` as of `text`."""
 
     def checked(value: float | None) -> float | None:
         try:
@@ -46,27 +45,27 @@ def number(
         except InputError as error:
             raise typer.BadParameter(str(error).replace("VALUE is", "found", 1)) from None
 
-    of = typer.Option(*names, metavar=metavar, help=help, callback=checked, rich_help_panel=panel)
-    return Declared(default, (of,))
+    return text(metavar, help, *names, callback=checked, **more)
 
 
 def text(
-    metavar: str, help: str, *names: str, default: Any = None, mark: object = None, panel: str | None = None
+    metavar: str | None, help: str, *names: str, default: Any = None, mark: object = None, kind: Any = None, **more: Any
 ) -> Any:
-    """The declaration of an option that takes a text, or what a text names; the section of the help."""
+    """The declaration of an option that takes a text, or what a text names; `more` of what typer's take."""
     says = "[default: " in help
-    of = typer.Option(*names, metavar=metavar, help=help, rich_help_panel=panel, show_default=not says)
-    return Declared(default, (of, mark))
+    return Declared(
+        default, (typer.Option(*names, metavar=metavar, help=help, show_default=not says, **more), mark), kind
+    )
 
 
-def switch(names: str, help: str, *, default: bool = False, panel: str | None = None) -> Any:
-    """The declaration of an option that is given or not."""
-    return Declared(default, (typer.Option(names, help=help, rich_help_panel=panel),))
+def switch(names: str, help: str, **more: Any) -> Any:
+    """The declaration of an option that is given or not; `more` as of `text`."""
+    return text(None, help, names, **{"default": False, **more})
 
 
-def argument(metavar: str, help: str, default: Any = REQUIRED) -> Any:
+def argument(metavar: str, help: str, default: Any = REQUIRED, kind: Any = None) -> Any:
     """The declaration of what stands on the command line without a name."""
-    return Declared(default, (typer.Argument(metavar=metavar, help=help),))
+    return Declared(default, (typer.Argument(metavar=metavar, help=help),), kind)
 
 
 GRAVITY = text("X,Y,Z", "Direction of gravity in base axes. [default: down, or the calibration's]")
@@ -87,8 +86,8 @@ def parameters_of(verb: Callable[..., Any]) -> dict[str, Parameter]:
 def _annotated(each: Parameter) -> Parameter:
     if not isinstance(each.default, Declared):
         return each
-    default, notes = each.default
-    return each.replace(default=default, annotation=Annotated[each.annotation, *notes])
+    default, notes, kind = each.default
+    return each.replace(default=default, annotation=Annotated[kind or each.annotation, *notes])
 
 
 def spelled(run: Callable[..., Any], parameters: Collection[Parameter]) -> Callable[..., Any]:
