@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
+from itertools import chain, compress
 from math import inf
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,29 +86,28 @@ def _bodies(blocks: Iterator[LinesFrom], header_row: int, layout: Layout, source
             lines = ["\t".join(line.split()) for line in lines]
         any_rows = any_rows or bool(rows)
         if rows or not (any_rows or following):
-            yield Lines(lines, np.array(rows, dtype=np.intp), done, apart, source)
+            yield Lines(np.array(rows, dtype=np.intp), source, done, lines, apart)
 
 
+@dataclass(eq=False)
 class Lines(Body):
     """Rows of a text file, by the lines that hold them and the numbers of these."""
 
-    def __init__(self, lines: list[str], rows: NDArray[np.intp], done: float, layout: Layout, source: str) -> None:
-        super().__init__(rows, source, done)
-        self._lines, self._layout = lines, layout
+    lines: list[str]
+    layout: Layout
 
-    def select(self, kept: NDArray[np.bool_]) -> Lines:
-        """Some of the rows, by a mask (n,)."""
-        lines = [self._lines[k] for k in np.flatnonzero(kept).tolist()]
-        return Lines(lines, self.rows[kept], self.done, self._layout, self.source)
+    def select(self, kept: NDArray[np.bool_]) -> Self:
+        """As of `Body`."""
+        return replace(self, rows=self.rows[kept], lines=list(compress(self.lines, kept.tolist())))
 
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for a cell that is empty, or NaN."""
         row = self.row_of(index)
-        raise self._lack(cells(self._lines[index], self._layout.separator, row, self.source)[column.place], column, row)
+        raise self._lack(cells(self.lines[index], self.layout.separator, row, self.source)[column.place], column, row)
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
         """As of `Body`."""
-        if not self._lines:
+        if not self.lines:
             raise FileFormatError(
                 f"{self.source}: found a header and no rows, expected a row for each reading: add them"
             )
@@ -121,14 +120,14 @@ class Lines(Body):
                 if _may_be_thousands(values[:, [column in of_wrench for column in columns]]):
                     self._refuse_thousands(of_wrench)
                 return values
-        rows = zip(self.rows.tolist(), self._lines, strict=True)
+        rows = zip(self.rows.tolist(), self.lines, strict=True)
         return np.array([self._row(row, line, columns, may_lack) for row, line in rows], dtype=np.float64)
 
     def _refuse_thousands(self, columns: Sequence[Column]) -> None:
         """Raise `FileFormatError` where every number with a decimal mark has three decimals, as thousands have."""
-        mark = self._layout.decimal
-        rows = zip(self.rows.tolist(), self._lines, strict=True)
-        of_each = [(row, cells(line, self._layout.separator, row, self.source)) for row, line in rows]
+        mark = self.layout.decimal
+        rows = zip(self.rows.tolist(), self.lines, strict=True)
+        of_each = [(row, cells(line, self.layout.separator, row, self.source)) for row, line in rows]
         found = [(row, column, of_row[column.place]) for row, of_row in of_each for column in columns]
         marked = [(row, column, cell) for row, column, cell in found if mark in cell]
         whole = any(mark not in cell and cell.strip("+-0") for *_, cell in found)
@@ -141,17 +140,17 @@ class Lines(Body):
 
     def _parsed(self, columns: Sequence[Column], gaps: bool) -> Array | None:
         """The numbers by numpy, NaN in gaps; None where it cannot tell, or a row has other than `width` cells."""
-        whole = {line.count(self._layout.separator) for line in self._lines} == {len(self._layout.names) - 1}
-        if any('"' in line for line in self._lines) or not whole:
-            whole = all(map(self._is_whole, self._lines))
-        values = self._loaded(self._lines, columns) if whole else None
+        whole = {line.count(self.layout.separator) for line in self.lines} == {len(self.layout.names) - 1}
+        if any('"' in line for line in self.lines) or not whole:
+            whole = all(map(self._is_whole, self.lines))
+        values = self._loaded(self.lines, columns) if whole else None
         return self._loaded(self._filled(), columns) if whole and gaps and values is None else values
 
     def _loaded(self, lines: list[str], columns: Sequence[Column]) -> Array | None:
         try:
             values: Array = np.loadtxt(
-                lines if self._layout.decimal == "." else [line.translate(POINT_FOR_COMMA) for line in lines],
-                delimiter=self._layout.separator,
+                lines if self.layout.decimal == "." else [line.translate(POINT_FOR_COMMA) for line in lines],
+                delimiter=self.layout.separator,
                 usecols=[column.place for column in columns],
                 converters={column.place: partial(_date, column) for column in columns if self._has_dates(column)},
                 ndmin=2,
@@ -167,43 +166,43 @@ class Lines(Body):
     def _has_dates(self, column: Column) -> bool:
         """Whether a column of times is written as dates: in the first row, and so in all."""
         try:
-            cell = split(self._lines[0], self._layout.separator)[column.place] if column.role == "t" else ""
+            cell = split(self.lines[0], self.layout.separator)[column.place] if column.role == "t" else ""
             return seconds_of_date(cell) < inf
         except (ValueError, IndexError):
             return False
 
     def _filled(self) -> list[str]:
         """The rows with nan in cells that lack a number."""
-        d = self._layout.separator
+        d = self.layout.separator
         lacking = re.compile(rf"([{d}\n])(?:{LACKING})?(?=[{d}\n])", re.IGNORECASE)
-        return lacking.sub(r"\1nan", "\n".join(["", *self._lines, ""])).split("\n")[1:-1]
+        return lacking.sub(r"\1nan", "\n".join(["", *self.lines, ""])).split("\n")[1:-1]
 
     def _is_whole(self, line: str) -> bool:
         """Whether a row has as many cells as the header; a quoted cell may hold the delimiter."""
-        separator, width = self._layout.separator, len(self._layout.names)
+        separator, width = self.layout.separator, len(self.layout.names)
         return (len(split(line, separator)) if '"' in line else line.count(separator) + 1) == width
 
     def _row(self, row: int, line: str, columns: Sequence[Column], may_lack: Collection[Column]) -> list[float]:
         """The numbers of one row, slowly: the first thing that is wrong is named. Raises `FileFormatError`."""
-        separator, width = self._layout.separator, len(self._layout.names)
+        separator, width = self.layout.separator, len(self.layout.names)
         found = cells(line, separator, row, self.source)
         if len(found) == width:
             return [self._number(found[column.place], column, row, column in may_lack) for column in columns]
         if separator == "," and 2 * len(found) >= 3 * width:
             raise FileFormatError(
-                f"{self.source}: row {row}, from column {shown(self._layout.names[0])} on: found {len(found)} values "
-                f"between commas, expected {self._layout.width}: if these are decimal commas, write them as "
+                f"{self.source}: row {row}, from column {shown(self.layout.names[0])} on: found {len(found)} values "
+                f"between commas, expected {self.layout.width}: if these are decimal commas, write them as "
                 "points, or separate the cells by semicolons"
             )
         raise FileFormatError(
-            f"{self.source}: row {row}: found {len(found)} values, expected {self._layout.width}: complete the row, "
+            f"{self.source}: row {row}: found {len(found)} values, expected {self.layout.width}: complete the row, "
             "and write decimals with a point"
         )
 
     def _number(self, cell: str, column: Column, row: int, may_lack: bool) -> float:
         if column.role == SATURATED and cell.lower() in BOOLEANS:
             return BOOLEANS[cell.lower()]
-        comma = self._layout.decimal == ","
+        comma = self.layout.decimal == ","
         try:
             lacks = not cell or (may_lack and re.fullmatch(LACKING, cell, re.IGNORECASE))
             read = partial(_date, column) if self._has_dates(column) else value
