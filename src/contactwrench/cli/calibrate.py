@@ -16,7 +16,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, TILT_STD_DEG, TURN_DEG
 from ..geometry.wrench import STANDARD_GRAVITY
 from . import options
-from .outputs import NAMES_FOLDER, Writes
+from .outputs import NAMES_FOLDER, Writes, output_option
 from .recordings import Recordings, with_reading_options
 
 KNOWN_HELP = (
@@ -37,12 +37,11 @@ def _calibrations(output: Path, values: Mapping[str, Any]) -> list[Path]:
 @with_reading_options
 def calibrate(
     *,
-    output: Path | None = options.text(
+    output: Path | None = output_option(
         "CAL.json",
         f"Write the calibration; {options.OUTPUT_HELP} stdout. With --shared: the folder. [default: text on stdout]",
-        "--output",
-        "-o",
-        mark=Writes(_calibrations, suffix=".json"),
+        files=_calibrations,
+        suffix=".json",
     ),
     model: str = options.text(
         "M", "auto, paper, yaw, mount, mount+base, affine, or dynamic: auto, and the inertia.", default="auto"

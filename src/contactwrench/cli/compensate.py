@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..files import STDOUT
 from ..geometry.ranges import CUTOFF, DELAY, DURATION, POINT, WALK, G
 from . import options
-from .outputs import NAMES_FOLDER, Writes
+from .outputs import NAMES_FOLDER, Writes, output_option
 from .recordings import Recordings, with_reading_options
 from .streams import progress
 
@@ -24,14 +24,11 @@ if TYPE_CHECKING:
 def compensate(
     *,
     calibration: Path = options.CALIBRATION,
-    output: Path = options.text(
+    output: Path = output_option(
         "OUT",
         "Contact wrenches: .csv, .parquet, or, of a bag, a copy of it with a topic more; "
         f"{options.OUTPUT_HELP} CSV on stdout. [default: -]",
-        "--output",
-        "-o",
-        default=Path(STDOUT),
-        mark=Writes(),
+        Path(STDOUT),
     ),
     output_frame: str = options.text("sensor|flange|base", "Axes of the contact wrench.", default="sensor"),
     at: str | None = options.text("X,Y,Z", "Point of the torque, sensor axes, m (the TCP). [default: 0,0,0]"),

@@ -12,15 +12,13 @@ from ..errors import InputError
 from ..files import STDOUT
 from ..geometry.ranges import SENSOR_MASS, TOOL_MASS
 from . import options
-from .outputs import Writes
+from .outputs import output_option
 
 
 def export(
     file: Path | None = options.argument("CAL.json", "Calibration that `calibrate` wrote.", default=None),
     to: str | None = options.text("FORMAT", "Whose parameters; --list names all."),
-    output: Path = options.text(
-        "FILE", f"Where to; {options.OUTPUT_HELP} stdout.", "--output", "-o", default=Path(STDOUT), mark=Writes()
-    ),
+    output: Path = output_option("FILE", f"Where to; {options.OUTPUT_HELP} stdout.", Path(STDOUT)),
     list_formats: bool = options.switch("--list", "The formats, what each needs and loses."),
     tool_mass: float | None = options.number(
         TOOL_MASS, "KG", "The tool's mass as weighed, in place of the identified one."

@@ -14,7 +14,7 @@ from ..errors import InputError, refuse
 from ..files import already_there
 from ..geometry.ranges import CAPACITY, CUTOFF, POSES, WALK, Range
 from . import options
-from .outputs import Writes
+from .outputs import Writes, output_option
 from .streams import caught
 
 if TYPE_CHECKING:
@@ -48,12 +48,8 @@ def live(
     calibration: Path | None = options.text(
         "CAL.json", "Run with this one. [default: the wizard first]", "--calibration", "-c"
     ),
-    output: Path | None = options.text(
-        "CAL.json",
-        "Where what is accepted is saved. [default: live-DATE.json]",
-        "--output",
-        "-o",
-        mark=Writes(suffix=".json"),
+    output: Path | None = output_option(
+        "CAL.json", "Where what is accepted is saved. [default: live-DATE.json]", suffix=".json"
     ),
     sign: str | None = options.text("pull|reaction", "Of the readings. [default: the push test tells]"),
     gravity: str | None = options.GRAVITY,

@@ -47,6 +47,11 @@ class Writes:
     suffix: str = ""
 
 
+def output_option(metavar: str, help: str, default: Any = None, **of: Any) -> Any:
+    """The declaration of --output, a path that is written: `of` it as of `Writes`."""
+    return options.text(metavar, help, "--output", "-o", default=default, mark=Writes(**of))
+
+
 def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
     """A verb that writes over nothing that it reads, and over what is there only with --force: an option that it gets
     here, unless it has a `force` of its own.

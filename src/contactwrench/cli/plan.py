@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..files import STDOUT
 from ..geometry.ranges import HEIGHT, JOINT, MOTION_TIME, NEAR, POSES
 from . import options
-from .outputs import Writes
+from .outputs import output_option
 from .recordings import Recordings, with_reading_options
 
 if TYPE_CHECKING:
@@ -40,13 +40,10 @@ def plan(
     around: str | None = options.text(
         "Q1,Q2,...", "Where the arm stands, rad; all joints but the last three stay there."
     ),
-    output: Path | None = options.text(
+    output: Path | None = output_option(
         "PLAN.csv",
         "Write the poses; with --dynamic times and joints, or a program, PLAN.script (URScript) or PLAN.src "
         f"(KUKA KRL); {options.OUTPUT_HELP} stdout.",
-        "--output",
-        "-o",
-        mark=Writes(),
     ),
     model: str = options.text(
         "M", "What will be fitted, with --dynamic to the stops: auto, yaw, mount, mount+base.", default="auto"

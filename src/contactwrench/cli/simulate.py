@@ -15,7 +15,7 @@ from ..geometry.ranges import LOAD, NOISE, PUSHES, SEED
 from ..geometry.wrench import WRENCH_AXES
 from ..statistics import counted
 from . import options
-from .outputs import Writes
+from .outputs import output_option
 
 if TYPE_CHECKING:
     from ..simulate.recording import Recorded
@@ -36,13 +36,11 @@ def _with_truth(output: Path, _: Mapping[str, Any]) -> list[Path]:
 
 
 def simulate(
-    output: Path = options.text(
+    output: Path = output_option(
         "OUT",
         "The recording: .csv, or .mcap, .db3, .bag with wrench and pose as topics; OUT.truth.json goes beside it.",
-        "--output",
-        "-o",
-        default=options.REQUIRED,
-        mark=Writes(_with_truth),
+        options.REQUIRED,
+        files=_with_truth,
     ),
     poses: str | None = options.text(
         "paper|plan[:N]|random:N|FILE",
