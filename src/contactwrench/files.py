@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
 import sys
 import tempfile
@@ -43,6 +44,11 @@ def entries(folder: Path) -> list[Path]:
         return list(folder.iterdir())
     except OSError as error:
         raise FileAccessError(f"{folder}: cannot be read ({_reason(error)}): check its permissions") from None
+
+
+def by_numbers(name: str) -> list[int | str]:
+    """A key that sorts names of parts: 2 before 10."""
+    return [int(word) if word.isdecimal() else word for word in re.split(r"(\d+)", name)]
 
 
 def parts_of(folder: str) -> Iterator[str]:

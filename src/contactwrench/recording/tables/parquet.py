@@ -7,7 +7,6 @@ for columns `name.field`. A folder may be a data set of LeRobot (episodes.py).
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError, of_extra
-from ...files import entries, open_bytes
+from ...files import by_numbers, entries, open_bytes
 from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, Part, readable, require_room, require_room_for_pages
 from .columns import Column, OpenTable, places_of, shown
@@ -218,14 +217,10 @@ def _episodes(metadata: Any, groups: list[Any]) -> tuple[tuple[float, float] | N
 
 def _parts(folder: Path) -> list[Path]:
     """The Parquet files in a folder, or of a data set of LeRobot, part 2 before part 10."""
-
-    def by_numbers(path: Path) -> list[tuple[int, str]]:
-        words = re.split(r"(\d+)", str(path.relative_to(folder)))
-        return [(int(word), "") if word.isdecimal() else (-1, word) for word in words]
-
     in_set = (folder / LEROBOT).is_file()
     files = (folder / "data").glob("*/*") if in_set else entries(folder)
-    return sorted((path for path in files if path.suffix.lower() in SUFFIXES), key=by_numbers)
+    parts = (path for path in files if path.suffix.lower() in SUFFIXES)
+    return sorted(parts, key=lambda path: by_numbers(str(path.relative_to(folder))))
 
 
 def _leaves(schema: Any, above: tuple[str, ...] = ()) -> Iterator[_Leaf]:
