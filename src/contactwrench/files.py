@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import codecs
 import errno
 import os
+import re
 import stat
 import sys
 import tempfile
@@ -38,38 +38,17 @@ def read_bytes(path: str | Path) -> bytes:
     return content
 
 
-def blocks_of_lines(path: str | Path, lines: int) -> Iterator[tuple[bytes, float]]:
-    """The content of a text file, at most so many lines at a time, each block with the part of the file, 0 to 1, that
-    ends with it; NaN for a pipe. What begins with the mark of UTF-16 comes as UTF-8. Raises as `open_bytes`, and
-    `FileFormatError` for a line longer than `TEXT_AT_ONCE`.
-    """
-    with open_bytes(path) as file:
-        size, so_far, row, rest, content = os.fstat(file.fileno()).st_size, 0, 1, b"", b" "
-        wide = file.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-        utf16 = codecs.getincrementaldecoder("utf-16")("replace")
-        while content:
-            content = file.read(TEXT_AT_ONCE)
-            text = rest + (utf16.decode(content, final=not content).encode() if wide else content)
-            end = max(text.rfind(b"\n"), text.rfind(b"\r", 0, -1)) + 1 if content else len(text)
-            if not end and len(text) >= TEXT_AT_ONCE:
-                raise FileFormatError(
-                    f"{name_of(path)}: row {row}: found a line of more than {TEXT_AT_ONCE // 2**20} MiB, expected a "
-                    "table with a row for each reading: write it so"
-                )
-            whole, rest = text[:end].splitlines(keepends=True), text[end:]
-            row += len(whole)
-            for first in range(0, len(whole), lines):
-                block = b"".join(whole[first : first + lines])
-                so_far += len(block) * (2 if wide else 1)
-                yield block, min(so_far / size, 1.0) if size else float("nan")
-
-
 def entries(folder: Path) -> list[Path]:
     """What is in a folder. Raises `FileAccessError`."""
     try:
         return list(folder.iterdir())
     except OSError as error:
         raise FileAccessError(f"{folder}: cannot be read ({_reason(error)}): check its permissions") from None
+
+
+def by_numbers(name: str) -> list[int | str]:
+    """A key that sorts names of parts: 2 before 10."""
+    return [int(word) if word.isdecimal() else word for word in re.split(r"(\d+)", name)]
 
 
 def parts_of(folder: str) -> Iterator[str]:

@@ -75,7 +75,7 @@ def test_every_pair_starts_at_the_ports_that_are_asked_for(
     monkeypatch.setattr("contactwrench.cli.lab.sleep", Mock(side_effect=_StartedError))
     first = 20_000 + 8 * os.getpid() % 12_000  # below the ports that the system gives
     with nothing_left(), pytest.raises(_StartedError):
-        lab(*pair, port_base=first)
+        lab(*pair, live=False, auto=False, port_base=first, seed=0, settings=None)
     out = capsys.readouterr().out
     assert all(f":{port}" in out for port in (first, first + 2, first + 3))
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import typer
@@ -16,7 +16,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, TILT_STD_DEG, TURN_DEG
 from ..geometry.wrench import STANDARD_GRAVITY
 from . import options
-from .outputs import NAMES_FOLDER, Writes
+from .outputs import NAMES_FOLDER, Writes, output_option
 from .recordings import Recordings, with_reading_options
 
 KNOWN_HELP = (
@@ -37,68 +37,52 @@ def _calibrations(output: Path, values: Mapping[str, Any]) -> list[Path]:
 @with_reading_options
 def calibrate(
     *,
-    output: Annotated[
-        Path | None,
-        options.text(
-            "CAL.json",
-            f"Write the calibration; {options.OUTPUT_HELP} stdout. With --shared: the folder. [default: text on "
-            "stdout]",
-            "--output",
-            "-o",
-        ),
-        Writes(_calibrations, suffix=".json"),
-    ] = None,
-    model: Annotated[
-        str, options.text("M", "auto, paper, yaw, mount, mount+base, affine, or dynamic: auto, and the inertia.")
-    ] = "auto",
-    shared: Annotated[
-        str | None, options.text("mount,gravity", "Several tools on one sensor: what the recordings share.")
-    ] = None,
-    mount_tilt_sd: Annotated[
-        float | None, options.number(TILT_STD_DEG, "DEG", "auto: std of the sensor's tilt, an axis. [default: 1.41]")
-    ] = None,
-    base_tilt_sd: Annotated[
-        float | None, options.number(TILT_STD_DEG, "DEG", "auto: std of the base's tilt, an axis. [default: 0.71]")
-    ] = None,
-    known: Annotated[list[str] | None, options.text("NAME=VALUE+-STD", KNOWN_HELP)] = None,
-    prior: Annotated[
-        Path | None, options.text("CAL.json", "Earlier calibration of the same tool: one new pose gives its bias anew.")
-    ] = None,
-    sensor_offset: Annotated[
-        str | None,
-        options.text(
-            "X,Y,Z",
-            "dynamic: the sensor's origin, m from the flange, or with --imu from the accelerometer, flange axes. "
-            "[default: found]",
-        ),
-    ] = None,
-    noise: Annotated[
-        str | None,
-        options.text(
-            "N|FX,..,TZ|REST",
-            "Std of one pose's reading, one or six, or a recording at rest. [default: from what the fit leaves]",
-        ),
-        NAMES_FOLDER,
-    ] = None,
-    report: Annotated[Path | None, options.text("R.html", "Write a report, one HTML file."), Writes(page=True)] = None,
-    require_force: Annotated[
-        float | None,
-        options.number(LEFT_FORCE, "N", "Exit 1 if a larger error of the contact force is to be expected."),
-    ] = None,
-    require_torque: Annotated[
-        float | None, options.number(LEFT_TORQUE, "NM", "Exit 1 if a larger error of the torque is to be expected.")
-    ] = None,
-    require_mass: Annotated[
-        str | None, options.text("LOW,HIGH", "Exit 1 unless the mass, kg, lies inside by its std.")
-    ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace an existing output, never by a bad fit; write that to a new name.")
-    ] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit 1 unless the verdict is good.")] = False,
-    json: options.Json = False,
+    output: Path | None = output_option(
+        "CAL.json",
+        f"Write the calibration; {options.OUTPUT_HELP} stdout. With --shared: the folder. [default: text on stdout]",
+        files=_calibrations,
+        suffix=".json",
+    ),
+    model: str = options.text(
+        "M", "auto, paper, yaw, mount, mount+base, affine, or dynamic: auto, and the inertia.", default="auto"
+    ),
+    shared: str | None = options.text("mount,gravity", "Several tools on one sensor: what the recordings share."),
+    mount_tilt_sd: float | None = options.number(
+        TILT_STD_DEG, "DEG", "auto: std of the sensor's tilt, an axis. [default: 1.41]"
+    ),
+    base_tilt_sd: float | None = options.number(
+        TILT_STD_DEG, "DEG", "auto: std of the base's tilt, an axis. [default: 0.71]"
+    ),
+    known: list[str] | None = options.text("NAME=VALUE+-STD", KNOWN_HELP),
+    prior: Path | None = options.text(
+        "CAL.json", "Earlier calibration of the same tool: one new pose gives its bias anew."
+    ),
+    sensor_offset: str | None = options.text(
+        "X,Y,Z",
+        "dynamic: the sensor's origin, m from the flange, or with --imu from the accelerometer, flange axes. "
+        "[default: found]",
+    ),
+    noise: str | None = options.text(
+        "N|FX,..,TZ|REST",
+        "Std of one pose's reading, one or six, or a recording at rest. [default: from what the fit leaves]",
+        mark=NAMES_FOLDER,
+    ),
+    report: Path | None = options.text("R.html", "Write a report, one HTML file.", mark=Writes(page=True)),
+    require_force: float | None = options.number(
+        LEFT_FORCE, "N", "Exit 1 if a larger error of the contact force is to be expected."
+    ),
+    require_torque: float | None = options.number(
+        LEFT_TORQUE, "NM", "Exit 1 if a larger error of the torque is to be expected."
+    ),
+    require_mass: str | None = options.text("LOW,HIGH", "Exit 1 unless the mass, kg, lies inside by its std."),
+    force: bool = options.switch(
+        "--force", "Replace an existing output, never by a bad fit; write that to a new name."
+    ),
+    strict: bool = options.switch("--strict", "Exit 1 unless the verdict is good."),
+    json: bool = options.JSON,
     recordings: Recordings,
-    gravity: options.Gravity = None,
-    g: options.CalibratingGravity = None,
+    gravity: str | None = options.GRAVITY,
+    g: float | None = options.CALIBRATING_G,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
     from ..calibration.calibration import Calibration

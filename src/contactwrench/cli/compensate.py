@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..files import STDOUT
 from ..geometry.ranges import CUTOFF, DELAY, DURATION, POINT, WALK, G
 from . import options
-from .outputs import NAMES_FOLDER, Writes
+from .outputs import NAMES_FOLDER, Writes, output_option
 from .recordings import Recordings, with_reading_options
 from .streams import progress
 
@@ -25,79 +23,46 @@ if TYPE_CHECKING:
 @with_reading_options
 def compensate(
     *,
-    calibration: options.CalibrationFile,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="OUT",
-            help="Contact wrenches: .csv, .parquet, or, of a bag, a copy of it with a topic more; "
-            f"{options.OUTPUT_HELP} CSV on stdout. [default: -]",
-            show_default=False,
-        ),
-        Writes(),
-    ] = Path(STDOUT),
-    output_frame: Annotated[str, options.text("sensor|flange|base", "Axes of the contact wrench.")] = "sensor",
-    at: Annotated[
-        str | None, options.text("X,Y,Z", "Point of the torque, sensor axes, m (the TCP). [default: 0,0,0]")
-    ] = None,
-    contact: Annotated[
-        bool, typer.Option("--contact", help="Judge every sample: columns valid, contact and reason.")
-    ] = False,
-    report: Annotated[
-        Path | None,
-        options.text("R.html", "Write a page with every contact, one HTML file; judges every sample."),
-        Writes(page=True),
-    ] = None,
-    noise: Annotated[
-        str | None,
-        options.text(
-            "N|FX,..,TZ|FREE",
-            "Judging: std of a free tool's reading, one or six, its motion's inertia included, or a recording of such "
-            "motion. [default: the noise at rest]",
-        ),
-        NAMES_FOLDER,
-    ] = None,
-    drift: Annotated[
-        float | None,
-        options.number(
-            WALK,
-            "N",
-            "Judging: follow the bias in free space, a random walk of this std after an hour; 0.05 is typical.",
-        ),
-    ] = None,
-    sensor_filter: Annotated[
-        str | None,
-        options.text(
-            "HZ[:ORDER]",
-            "The sensor's own low-pass, done to the model too; judges every sample. First order unless said.",
-        ),
-    ] = None,
-    lowpass: Annotated[
-        str | None,
-        options.text("HZ[:ORDER]", "Smooth the contact wrench both ways, Butterworth of order 1 to 4. [order: 2]"),
-    ] = None,
-    delay: Annotated[
-        float | None,
-        options.number(
-            DELAY, "S", "By how much later than the pose the wrench is stamped. [default: the calibration's]"
-        ),
-    ] = None,
-    zero: Annotated[
-        float | None,
-        options.number(
-            DURATION,
-            "S",
-            "Take the bias anew from the first S seconds, of a set those of each: the tool free, the arm at rest.",
-        ),
-    ] = None,
-    all_episodes: Annotated[
-        bool, typer.Option("--all-episodes", help="Of a set of recordings: every one, each by itself.")
-    ] = False,
+    calibration: Path = options.CALIBRATION,
+    output: Path = output_option(
+        "OUT",
+        "Contact wrenches: .csv, .parquet, or, of a bag, a copy of it with a topic more; "
+        f"{options.OUTPUT_HELP} CSV on stdout. [default: -]",
+        Path(STDOUT),
+    ),
+    output_frame: str = options.text("sensor|flange|base", "Axes of the contact wrench.", default="sensor"),
+    at: str | None = options.text("X,Y,Z", "Point of the torque, sensor axes, m (the TCP). [default: 0,0,0]"),
+    contact: bool = options.switch("--contact", "Judge every sample: columns valid, contact and reason."),
+    report: Path | None = options.text(
+        "R.html", "Write a page with every contact, one HTML file; judges every sample.", mark=Writes(page=True)
+    ),
+    noise: str | None = options.text(
+        "N|FX,..,TZ|FREE",
+        "Judging: std of a free tool's reading, one or six, its motion's inertia included, or a recording of such "
+        "motion. [default: the noise at rest]",
+        mark=NAMES_FOLDER,
+    ),
+    drift: float | None = options.number(
+        WALK, "N", "Judging: follow the bias in free space, a random walk of this std after an hour; 0.05 is typical."
+    ),
+    sensor_filter: str | None = options.text(
+        "HZ[:ORDER]", "The sensor's own low-pass, done to the model too; judges every sample. First order unless said."
+    ),
+    lowpass: str | None = options.text(
+        "HZ[:ORDER]", "Smooth the contact wrench both ways, Butterworth of order 1 to 4. [order: 2]"
+    ),
+    delay: float | None = options.number(
+        DELAY, "S", "By how much later than the pose the wrench is stamped. [default: the calibration's]"
+    ),
+    zero: float | None = options.number(
+        DURATION,
+        "S",
+        "Take the bias anew from the first S seconds, of a set those of each: the tool free, the arm at rest.",
+    ),
+    all_episodes: bool = options.switch("--all-episodes", "Of a set of recordings: every one, each by itself."),
     recording: Recordings,
-    gravity: options.Gravity = None,
-    g: Annotated[float | None, options.number(G, "G", "Of no effect: it makes masses, and forces need none.")] = None,
+    gravity: str | None = options.GRAVITY,
+    g: float | None = options.number(G, "G", "Of no effect: it makes masses, and forces need none."),
 ) -> None:
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration.calibration import Calibration

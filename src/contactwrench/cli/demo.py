@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,11 +27,12 @@ PRINTED_WEIGHT = 1.980
 
 
 def demo(
-    out: Annotated[
-        Path,
-        options.text("DIR", "Folder for calibrations, contact wrenches and report."),
-        Writes(lambda folder, _: (folder / name for name in WRITTEN)),
-    ] = Path("contactwrench-demo"),
+    out: Path = options.text(
+        "DIR",
+        "Folder for calibrations, contact wrenches and report.",
+        default=Path("contactwrench-demo"),
+        mark=Writes(lambda folder, _: map(folder.joinpath, WRITTEN)),
+    ),
 ) -> None:
     """Run the main job on two measured sets that come with the package, and say what the results mean."""
     from ..calibration.text import COLUMNS, describe

@@ -14,7 +14,7 @@ NARROW = 76
 """Columns of a URI's form, in a terminal of 80."""
 
 
-def devices(json: options.Json = False) -> None:
+def devices(json: bool = options.JSON) -> None:
     """Say what `live` can be connected to: every source and sink, how its URI is written, its rate, and what it was
     tested against; those of other packages that are installed too.
     """

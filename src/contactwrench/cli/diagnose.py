@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 from . import options
 from .recordings import Recordings, with_reading_options
 
@@ -11,10 +9,10 @@ from .recordings import Recordings, with_reading_options
 @with_reading_options
 def diagnose(
     *,
-    model: Annotated[str, options.text("M", "Of `calibrate`: auto, yaw, mount or mount+base.")] = "auto",
-    json: options.Json = False,
+    model: str = options.text("M", "Of `calibrate`: auto, yaw, mount or mount+base.", default="auto"),
+    json: bool = options.JSON,
     recording: Recordings,
-    gravity: options.Gravity = None,
+    gravity: str | None = options.GRAVITY,
 ) -> None:
     """Find the interpretation of FILE that a rigid tool explains, and the options that make it so.
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from . import options
 
 
 def diff(
-    a: Annotated[Path, typer.Argument(metavar="A.json", help="The earlier calibration.")],
-    b: Annotated[Path, typer.Argument(metavar="B.json", help="The later calibration.")],
-    json: options.Json = False,
+    a: Path = options.argument("A.json", "The earlier calibration."),
+    b: Path = options.argument("B.json", "The later calibration."),
+    json: bool = options.JSON,
 ) -> None:
     """What changed between two calibrations, each change with its standard deviation."""
     from ..calibration.calibration import Calibration

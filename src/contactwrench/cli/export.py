@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -12,35 +12,25 @@ from ..errors import InputError
 from ..files import STDOUT
 from ..geometry.ranges import SENSOR_MASS, TOOL_MASS
 from . import options
-from .outputs import Writes
+from .outputs import output_option
 
 
 def export(
-    file: Annotated[Path | None, typer.Argument(metavar="CAL.json", help="Calibration that `calibrate` wrote.")] = None,
-    to: Annotated[str | None, options.text("FORMAT", "Whose parameters; --list names all.")] = None,
-    output: Annotated[
-        Path, options.text("FILE", f"Where to; {options.OUTPUT_HELP} stdout.", "--output", "-o"), Writes()
-    ] = Path(STDOUT),
-    list_formats: Annotated[bool, typer.Option("--list", help="The formats, what each needs and loses.")] = False,
-    tool_mass: Annotated[
-        float | None, options.number(TOOL_MASS, "KG", "The tool's mass as weighed, in place of the identified one.")
-    ] = None,
-    sensor_mass: Annotated[float | None, options.number(SENSOR_MASS, "KG", "The sensor's own, with adapters.")] = None,
-    sensor_com: Annotated[
-        str | None, options.text("X,Y,Z", "The sensor's centre of mass from the flange, m, flange axes.")
-    ] = None,
-    sensor_offset: Annotated[
-        str | None, options.text("X,Y,Z", "The sensor's origin from the flange's, m, flange axes.")
-    ] = None,
-    sensor_name: Annotated[
-        str | None, options.text("NAME", "The sensor's, in that program. [default: ft_sensor]")
-    ] = None,
-    sensor_frame: Annotated[
-        str | None, options.text("NAME", "Its frame's, in that program. [default: ft_frame]")
-    ] = None,
-    base_frame: Annotated[
-        str | None, options.text("NAME", "The base's, in that program. [default: the recording's, or base_link]")
-    ] = None,
+    file: Path | None = options.argument("CAL.json", "Calibration that `calibrate` wrote.", default=None),
+    to: str | None = options.text("FORMAT", "Whose parameters; --list names all."),
+    output: Path = output_option("FILE", f"Where to; {options.OUTPUT_HELP} stdout.", Path(STDOUT)),
+    list_formats: bool = options.switch("--list", "The formats, what each needs and loses."),
+    tool_mass: float | None = options.number(
+        TOOL_MASS, "KG", "The tool's mass as weighed, in place of the identified one."
+    ),
+    sensor_mass: float | None = options.number(SENSOR_MASS, "KG", "The sensor's own, with adapters."),
+    sensor_com: str | None = options.text("X,Y,Z", "The sensor's centre of mass from the flange, m, flange axes."),
+    sensor_offset: str | None = options.text("X,Y,Z", "The sensor's origin from the flange's, m, flange axes."),
+    sensor_name: str | None = options.text("NAME", "The sensor's, in that program. [default: ft_sensor]"),
+    sensor_frame: str | None = options.text("NAME", "Its frame's, in that program. [default: ft_frame]"),
+    base_frame: str | None = options.text(
+        "NAME", "The base's, in that program. [default: the recording's, or base_link]"
+    ),
 ) -> None:
     """Write a calibration as the parameters of another program: a robot, a ROS controller, code."""
     from ..calibration.calibration import Calibration

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from . import options
 from .streams import progress
 
 
 def info(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording: a ROS bag or a table.")],
-    json: options.Json = False,
+    file: Path = options.argument("FILE", "Recording: a ROS bag or a table."),
+    json: bool = options.JSON,
 ) -> int:
     """Say what is in FILE: topics or columns, rates and gaps, what gives the wrench and what the pose."""
     from ..recording.contents import BagContents, contents

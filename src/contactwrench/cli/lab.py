@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from subprocess import Popen, TimeoutExpired
 from time import monotonic, sleep
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import typer
@@ -39,21 +39,17 @@ LOOK, ENDS_IN = 0.1, 15.0
 
 
 def lab(
-    sensor: Annotated[
-        Literal["sri", "netft", "ft300", "robotiq", "lines"], typer.Option(help="The sensor's protocol.")
-    ] = "sri",
-    robot: Annotated[Literal["ur", "rsi", "lines"], typer.Option(help="The robot's protocol.")] = "ur",
-    live: Annotated[
-        bool, typer.Option("--live", help="Start `contactwrench live` on it too, and end with it.")
-    ] = False,
-    auto: Annotated[bool, typer.Option("--auto", help="The arm visits poses of its own accord.")] = False,
-    port_base: Annotated[
-        int, options.number(PORTS, "N", "The first port; the others follow. [default: any that are free]")
-    ] = 0,
-    seed: Annotated[int, options.number(SEED, "S", "Of everything random.")] = 0,
-    settings: Annotated[
-        list[str] | None, options.text("NAME=VALUE", "Change a setting of the rig; again for more.", "--set")
-    ] = None,
+    sensor: Literal["sri", "netft", "ft300", "robotiq", "lines"] = options.text(
+        None, "The sensor's protocol.", default="sri"
+    ),
+    robot: Literal["ur", "rsi", "lines"] = options.text(None, "The robot's protocol.", default="ur"),
+    live: bool = options.switch("--live", "Start `contactwrench live` on it too, and end with it."),
+    auto: bool = options.switch("--auto", "The arm visits poses of its own accord."),
+    port_base: int = options.number(
+        PORTS, "N", "The first port; the others follow. [default: any that are free]", default=0
+    ),
+    seed: int = options.number(SEED, "S", "Of everything random.", default=0),
+    settings: list[str] | None = options.text("NAME=VALUE", "Change a setting of the rig; again for more.", "--set"),
 ) -> None:
     """Run a virtual lab: the rig of `simulate` in real time, behind real network protocols on this machine, until
     Ctrl-C.

@@ -8,15 +8,13 @@ import time
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, refuse
 from ..files import already_there
 from ..geometry.ranges import CAPACITY, CUTOFF, POSES, WALK, Range
 from . import options
-from .outputs import Writes
+from .outputs import Writes, output_option
 from .streams import caught
 
 if TYPE_CHECKING:
@@ -45,46 +43,38 @@ def _files(outs: Any, _: object) -> Iterator[Path]:
 
 def live(
     *,
-    sensor: Annotated[str | None, options.text("URI", "The sensor; `contactwrench devices` lists all.")] = None,
-    robot: Annotated[str | None, options.text("URI", "The robot. [default: the sensor gives orientations too]")] = None,
-    calibration: Annotated[
-        Path | None, options.text("CAL.json", "Run with this one. [default: the wizard first]", "--calibration", "-c")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        options.text("CAL.json", "Where what is accepted is saved. [default: live-DATE.json]", "--output", "-o"),
-        Writes(suffix=".json"),
-    ] = None,
-    sign: Annotated[
-        str | None, options.text("pull|reaction", "Of the readings. [default: the push test tells]")
-    ] = None,
-    gravity: options.Gravity = None,
-    wanted: Annotated[float, options.number(WANTED, "N", "Std of the contact force at which poses are enough.")] = 0.05,
-    poses: Annotated[int, options.number(POSES, "N", "How many poses the wizard plans.", "--poses")] = 12,
-    arm: Annotated[
-        str | None, options.text("NAME|URDF[:LINK]", "Plan only what its wrist reaches, as `plan` does.")
-    ] = None,
-    lowpass: Annotated[float | None, options.number(CUTOFF, "HZ", "Low-pass of the contact wrench.")] = None,
-    drift: Annotated[float | None, options.number(WALK, "N", "Follow a bias that wanders so far in an hour.")] = None,
-    ranges: Annotated[str | None, options.text("FX,FY,FZ,TX,TY,TZ", "The sensor's ranges, N and N m.")] = None,
-    page: Annotated[bool, typer.Option("--page/--no-page", help="Show the session in a browser.")] = True,
-    wizard: Annotated[bool, typer.Option("--wizard", help="Without a page: the wizard in this terminal.")] = False,
-    listen: Annotated[
-        str, options.text(HOST_AND_PORT, "Where the page is served; others need the token it prints.")
-    ] = "127.0.0.1:0",
-    events: Annotated[bool, typer.Option("--events", help="Print what happens as JSON lines.")] = False,
-    record: Annotated[
-        Path | None, options.text("FILE", "Record what both devices send: .csv, .parquet or .mcap."), Writes()
-    ] = None,
-    out: Annotated[
-        list[str] | None,
-        options.text("URI|FILE", "Where contact wrenches go: udp://HOST:PORT, a file; again for more."),
-        Writes(_files),
-    ] = None,
-    recorded: Annotated[Path | None, options.text("FILE", "Play this recording in place of devices.", "--from")] = None,
-    speed: Annotated[float, options.number(SPEED, "X", "Of --from: times real time; 0: as fast as it goes.")] = 1.0,
-    lab: Annotated[str | None, options.text("URI", "The control port of `contactwrench lab`.")] = None,
-    force: options.Force = False,
+    sensor: str | None = options.text("URI", "The sensor; `contactwrench devices` lists all."),
+    robot: str | None = options.text("URI", "The robot. [default: the sensor gives orientations too]"),
+    calibration: Path | None = options.text(
+        "CAL.json", "Run with this one. [default: the wizard first]", "--calibration", "-c"
+    ),
+    output: Path | None = output_option(
+        "CAL.json", "Where what is accepted is saved. [default: live-DATE.json]", suffix=".json"
+    ),
+    sign: str | None = options.text("pull|reaction", "Of the readings. [default: the push test tells]"),
+    gravity: str | None = options.GRAVITY,
+    wanted: float = options.number(WANTED, "N", "Std of the contact force at which poses are enough.", default=0.05),
+    poses: int = options.number(POSES, "N", "How many poses the wizard plans.", "--poses", default=12),
+    arm: str | None = options.text("NAME|URDF[:LINK]", "Plan only what its wrist reaches, as `plan` does."),
+    lowpass: float | None = options.number(CUTOFF, "HZ", "Low-pass of the contact wrench."),
+    drift: float | None = options.number(WALK, "N", "Follow a bias that wanders so far in an hour."),
+    ranges: str | None = options.text("FX,FY,FZ,TX,TY,TZ", "The sensor's ranges, N and N m."),
+    page: bool = options.switch("--page/--no-page", "Show the session in a browser.", default=True),
+    wizard: bool = options.switch("--wizard", "Without a page: the wizard in this terminal."),
+    listen: str = options.text(
+        HOST_AND_PORT, "Where the page is served; others need the token it prints.", default="127.0.0.1:0"
+    ),
+    events: bool = options.switch("--events", "Print what happens as JSON lines."),
+    record: Path | None = options.text(
+        "FILE", "Record what both devices send: .csv, .parquet or .mcap.", mark=Writes()
+    ),
+    out: list[str] | None = options.text(
+        "URI|FILE", "Where contact wrenches go: udp://HOST:PORT, a file; again for more.", mark=Writes(_files)
+    ),
+    recorded: Path | None = options.text("FILE", "Play this recording in place of devices.", "--from"),
+    speed: float = options.number(SPEED, "X", "Of --from: times real time; 0: as fast as it goes.", default=1.0),
+    lab: str | None = options.text("URI", "The control port of `contactwrench lab`."),
+    force: bool = options.FORCE,
 ) -> None:
     """Contact wrenches while the arm runs: a page that guides to a calibration, then runs; until Ctrl-C."""
     from ..calibration.calibration import Calibration

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Collection
-from inspect import Parameter, Signature
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from shutil import get_terminal_size
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 import typer
@@ -22,8 +22,22 @@ MOST_COLUMNS = 120
 """Of text on a terminal, however wide: longer lines are hard to read."""
 
 
-def number(within: Range, metavar: str, help: str, *names: str, panel: str | None = None) -> Any:
-    """The declaration of an option that takes a number of that range; the section of the help that it stands in."""
+REQUIRED = Parameter.empty
+"""The default of what has to be stated."""
+
+
+class Declared(NamedTuple):
+    """What the default of a verb's parameter says of an option: its value where nobody states one; what is noted of it
+    in the parameter's type, for typer and for whoever guards outputs (`outputs.Writes`); the type where it has none.
+    """
+
+    default: Any
+    notes: tuple[Any, ...]
+    kind: Any = None
+
+
+def number(within: Range, metavar: str, help: str, *names: str, **more: Any) -> Any:
+    """The declaration of an option that takes a number of that range; `more` as of `text`."""
 
     def checked(value: float | None) -> float | None:
         try:
@@ -31,35 +45,56 @@ def number(within: Range, metavar: str, help: str, *names: str, panel: str | Non
         except InputError as error:
             raise typer.BadParameter(str(error).replace("VALUE is", "found", 1)) from None
 
-    return typer.Option(*names, metavar=metavar, help=help, callback=checked, rich_help_panel=panel)
+    return text(metavar, help, *names, callback=checked, **more)
 
 
-def text(metavar: str, help: str, *names: str, panel: str | None = None) -> Any:
-    """The declaration of an option that takes a text, or what a text names; the section of the help."""
-    return typer.Option(*names, metavar=metavar, help=help, rich_help_panel=panel)
+def text(
+    metavar: str | None, help: str, *names: str, default: Any = None, mark: object = None, kind: Any = None, **more: Any
+) -> Any:
+    """The declaration of an option that takes a text, or what a text names; `more` of what typer's take."""
+    says = "[default: " in help
+    return Declared(
+        default, (typer.Option(*names, metavar=metavar, help=help, show_default=not says, **more), mark), kind
+    )
 
 
-Gravity = Annotated[
-    str | None,
-    text("X,Y,Z", "Direction of gravity in base axes. [default: down, or the calibration's]"),
-]
-CalibratingGravity = Annotated[
-    float | None, number(G, "G", "m/s^2, turns a weight into a mass. [default: 9.80665, or that of --prior]", "--g")
-]
-WeighingGravity = Annotated[
-    float | None, number(G, "G", "m/s^2, turns a weight into a mass. [default: the calibration's]", "--g")
-]
-CalibrationFile = Annotated[Path, text("CAL.json", "Calibration that `calibrate` wrote.", "--calibration", "-c")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace an existing output.")]
+def switch(names: str, help: str, **more: Any) -> Any:
+    """The declaration of an option that is given or not; `more` as of `text`."""
+    return text(None, help, names, **{"default": False, **more})
+
+
+def argument(metavar: str, help: str, default: Any = REQUIRED, kind: Any = None) -> Any:
+    """The declaration of what stands on the command line without a name."""
+    return Declared(default, (typer.Argument(metavar=metavar, help=help),), kind)
+
+
+GRAVITY = text("X,Y,Z", "Direction of gravity in base axes. [default: down, or the calibration's]")
+CALIBRATING_G = number(G, "G", "m/s^2, turns a weight into a mass. [default: 9.80665, or that of --prior]", "--g")
+WEIGHING_G = number(G, "G", "m/s^2, turns a weight into a mass. [default: the calibration's]", "--g")
+CALIBRATION = text("CAL.json", "Calibration that `calibrate` wrote.", "--calibration", "-c", default=REQUIRED)
+JSON = switch("--json", "Print JSON and nothing else.")
+FORCE = switch("--force", "Replace an existing output.")
 OUTPUT_HELP = "an existing file is replaced only with --force; - is"
 """Of every output's help."""
 
 
+def parameters_of(verb: Callable[..., Any]) -> dict[str, Parameter]:
+    """The parameters of a verb as typer reads them: what is `Declared` of each stands in its type."""
+    return {name: _annotated(each) for name, each in signature(verb, eval_str=True).parameters.items()}
+
+
+def _annotated(each: Parameter) -> Parameter:
+    if not isinstance(each.default, Declared):
+        return each
+    default, notes, kind = each.default
+    return each.replace(default=default, annotation=Annotated[kind or each.annotation, *notes])
+
+
 def spelled(run: Callable[..., Any], parameters: Collection[Parameter]) -> Callable[..., Any]:
     """What runs in a verb's place, with the parameters that typer is to see, each by its name."""
-    vars(run)["__signature__"] = Signature([each.replace(kind=Parameter.KEYWORD_ONLY) for each in parameters])
-    run.__annotations__ = {each.name: each.annotation for each in parameters}
+    seen = [_annotated(each).replace(kind=Parameter.KEYWORD_ONLY) for each in parameters]
+    vars(run)["__signature__"] = Signature(seen)
+    run.__annotations__ = {each.name: each.annotation for each in seen}
     return run
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import wraps
-from inspect import Parameter, signature
+from inspect import Parameter
 from pathlib import Path
 from typing import Any, Final, TypeAlias, get_args
 
@@ -47,16 +47,21 @@ class Writes:
     suffix: str = ""
 
 
+def output_option(metavar: str, help: str, default: Any = None, **of: Any) -> Any:
+    """The declaration of --output, a path that is written: `of` it as of `Writes`."""
+    return options.text(metavar, help, "--output", "-o", default=default, mark=Writes(**of))
+
+
 def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
     """A verb that writes over nothing that it reads, and over what is there only with --force: an option that it gets
     here, unless it has a `force` of its own.
     """
-    own = signature(verb, eval_str=True).parameters
+    own = options.parameters_of(verb)
     marks = {name: get_args(each.annotation)[1:] for name, each in own.items()}
     outputs = {name: mark for name, every in marks.items() for mark in every if isinstance(mark, Writes)}
     if not outputs:
-        return verb
-    force = Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=options.Force)
+        return options.spelled(verb, own.values())
+    force = Parameter("force", Parameter.KEYWORD_ONLY, default=options.FORCE, annotation=bool)
 
     @wraps(verb)
     def run(**values: Any) -> Any:

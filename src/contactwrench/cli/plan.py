@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..files import STDOUT
 from ..geometry.ranges import HEIGHT, JOINT, MOTION_TIME, NEAR, POSES
 from . import options
-from .outputs import Writes
+from .outputs import output_option
 from .recordings import Recordings, with_reading_options
 
 if TYPE_CHECKING:
@@ -28,61 +26,41 @@ few degrees of freedom were left in 9 of 40 tables, with eight in none.
 @with_reading_options
 def plan(
     *,
-    n: Annotated[
-        int | None,
-        options.number(
-            POSES,
-            "N",
-            f"Number of poses. [default: {POSES_ALONE}; with --model yaw {POSES_OF_YAW}, with --dynamic 12]",
-            "-n",
-        ),
-    ] = None,
-    recorded: Annotated[
-        Path | None, options.text("FILE", "Plan the next poses after those in this recording.", "--from")
-    ] = None,
-    robot: Annotated[
-        str | None,
-        options.text(
-            "NAME|URDF[:LINK]",
-            "Only what its wrist reaches: iiwa7, iiwa14, ur3e, ur5e, ur10e, ur16e, ur20, panda, fr3, or a URDF.",
-        ),
-    ] = None,
-    around: Annotated[
-        str | None, options.text("Q1,Q2,...", "Where the arm stands, rad; all joints but the last three stay there.")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        options.text(
-            "PLAN.csv",
-            "Write the poses; with --dynamic times and joints, or a program, PLAN.script (URScript) or PLAN.src "
-            f"(KUKA KRL); {options.OUTPUT_HELP} stdout.",
-            "--output",
-            "-o",
-        ),
-        Writes(),
-    ] = None,
-    model: Annotated[
-        str, options.text("M", "What will be fitted, with --dynamic to the stops: auto, yaw, mount, mount+base.")
-    ] = "auto",
-    dynamic: Annotated[
-        bool,
-        typer.Option(
-            "--dynamic", help="A recording for model dynamic: the poses as stops, then a motion that tells the inertia."
-        ),
-    ] = False,
-    duration: Annotated[
-        float | None, options.number(MOTION_TIME, "S", "Of the motion, at most, s. [default: 30]")
-    ] = None,
-    above: Annotated[
-        float | None,
-        options.number(HEIGHT, "M", "Keep the flange so far above the plane of the base, m. [default: 0.15]"),
-    ] = None,
-    within: Annotated[
-        float | None, options.number(NEAR, "M", "Keep the motion so near to where the flange starts, m. [default: 0.1]")
-    ] = None,
-    json: options.Json = False,
+    n: int | None = options.number(
+        POSES,
+        "N",
+        f"Number of poses. [default: {POSES_ALONE}; with --model yaw {POSES_OF_YAW}, with --dynamic 12]",
+        "-n",
+    ),
+    recorded: Path | None = options.text("FILE", "Plan the next poses after those in this recording.", "--from"),
+    robot: str | None = options.text(
+        "NAME|URDF[:LINK]",
+        "Only what its wrist reaches: iiwa7, iiwa14, ur3e, ur5e, ur10e, ur16e, ur20, panda, fr3, or a URDF.",
+    ),
+    around: str | None = options.text(
+        "Q1,Q2,...", "Where the arm stands, rad; all joints but the last three stay there."
+    ),
+    output: Path | None = output_option(
+        "PLAN.csv",
+        "Write the poses; with --dynamic times and joints, or a program, PLAN.script (URScript) or PLAN.src "
+        f"(KUKA KRL); {options.OUTPUT_HELP} stdout.",
+    ),
+    model: str = options.text(
+        "M", "What will be fitted, with --dynamic to the stops: auto, yaw, mount, mount+base.", default="auto"
+    ),
+    dynamic: bool = options.switch(
+        "--dynamic", "A recording for model dynamic: the poses as stops, then a motion that tells the inertia."
+    ),
+    duration: float | None = options.number(MOTION_TIME, "S", "Of the motion, at most, s. [default: 30]"),
+    above: float | None = options.number(
+        HEIGHT, "M", "Keep the flange so far above the plane of the base, m. [default: 0.15]"
+    ),
+    within: float | None = options.number(
+        NEAR, "M", "Keep the motion so near to where the flange starts, m. [default: 0.1]"
+    ),
+    json: bool = options.JSON,
     written: Recordings,
-    gravity: options.Gravity = None,
+    gravity: str | None = options.GRAVITY,
 ) -> None:
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
     from ..assess.plan import expected_tool, recorded_orientations

@@ -5,17 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import wraps
-from inspect import Parameter, signature
+from functools import partial, wraps
+from inspect import Parameter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
-from ..geometry.ranges import EPISODE, RATE, Range
+from ..geometry.ranges import EPISODE, RATE
 from ..recording.options import Options
 from ..samples.samples import Samples
 from . import options
@@ -31,18 +29,9 @@ OR_ITS = "or the calibration's]"
 """Of the help of what a calibration tells of its recording."""
 
 
-def _text(metavar: str, help: str, *names: str, kind: type = str) -> Any:
-    """The type of an option of reading that is a text, or a path."""
-    return Annotated[kind | None, options.text(metavar, help, *names, panel=PANEL)]
-
-
-def _number(within: Range, metavar: str, help: str, kind: type = float) -> Any:
-    return Annotated[kind | None, options.number(within, metavar, help, panel=PANEL)]
-
-
-def _switch(names: str, help: str) -> Any:
-    return Annotated[bool | None, typer.Option(names, help=help, rich_help_panel=PANEL)]
-
+_text = partial(options.text, rich_help_panel=PANEL, kind=str | None)
+_number = partial(options.number, rich_help_panel=PANEL, kind=float | None)
+_switch = partial(options.switch, default=None, rich_help_panel=PANEL, kind=bool | None)
 
 RECORDING_HELP = (
     "Recording: a table (CSV, - on standard input, Parquet, HDF5) with fx..tz and an orientation, or a bag."
@@ -55,7 +44,7 @@ OF_TABLE: dict[str, Any] = {
     "time_column": _text("NAME[:UNIT]", "Of a table: the column of the times, or none."),
     "units": _text("force=U,torque=U", "Of a table: units that no name states, as torque=Nmm."),
     "hdf5": _text("wrench=/PATH,pose=/PATH,time=/PATH", "Of an HDF5 file: which datasets hold what.", "--hdf5"),
-    "episode": _number(EPISODE, "N", "Of a set of recordings: which one.", int),
+    "episode": _number(EPISODE, "N", "Of a set of recordings: which one.", kind=int | None),
     "rate": _number(RATE, "HZ", "Of a table without times: rows in a second."),
 }
 OF_MEANING: dict[str, Any] = {
@@ -71,8 +60,10 @@ OF_MEANING: dict[str, Any] = {
 }
 OF_ANY: dict[str, Any] = {
     **OF_MEANING,
-    "wrench": _text("W.csv", "In place of FILE, with --pose: the table with t and fx..tz.", "--wrench", kind=Path),
-    "pose": _text("P.csv", "With --wrench: the table with t and an orientation.", "--pose", kind=Path),
+    "wrench": _text(
+        "W.csv", "In place of FILE, with --pose: the table with t and fx..tz.", "--wrench", kind=Path | None
+    ),
+    "pose": _text("P.csv", "With --wrench: the table with t and an orientation.", "--pose", kind=Path | None),
     "wrench_topic": _text("TOPIC", "Of a bag: the wrench. [default: the only one]"),
     "pose_topic": _text("TOPIC", "Of a bag: the pose. [default: the only one]"),
     "frames": _text("BASE,FLANGE", "Of a bag: the frames of tf between which the pose is."),
@@ -83,11 +74,9 @@ OF_ANY: dict[str, Any] = {
     "accept_damaged": _switch("--accept-damaged", "Of a damaged bag, or a set: read what is left of it, and say so."),
 }
 READING: dict[str, dict[str, Any]] = {
-    "recording": {"file": Annotated[Path | None, typer.Argument(metavar="FILE", help=RECORDING_HELP)], **OF_ANY},
+    "recording": {"file": options.argument("FILE", RECORDING_HELP, None, Path | None), **OF_ANY},
     "recordings": {
-        "file": Annotated[
-            list[Path] | None, typer.Argument(metavar="FILE", help=f"{RECORDING_HELP} Several with --shared.")
-        ],
+        "file": options.argument("FILE", f"{RECORDING_HELP} Several with --shared.", None, list[Path] | None),
         **OF_ANY,
     },
     "written": {**OF_MEANING, **OF_TABLE},
@@ -134,11 +123,9 @@ class Recordings:
 
 def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
     """A verb whose parameter of one of the names in `READING` is spelled out for typer."""
-    own = signature(verb, eval_str=True).parameters
+    own = options.parameters_of(verb)
     name = next(iter(own.keys() & READING.keys()))
-    reading = [
-        Parameter(option, Parameter.KEYWORD_ONLY, default=None, annotation=of) for option, of in READING[name].items()
-    ]
+    reading = [Parameter(option, Parameter.KEYWORD_ONLY, default=of) for option, of in READING[name].items()]
 
     @wraps(verb)
     def run(**values: Any) -> Any:

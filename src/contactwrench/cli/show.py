@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from . import options
 
 
 def show(
-    file: Annotated[Path, typer.Argument(metavar="CAL.json", help="Calibration that `calibrate` wrote.")],
-    json: options.Json = False,
+    file: Path = options.argument("CAL.json", "Calibration that `calibrate` wrote."),
+    json: bool = options.JSON,
 ) -> None:
     """Print a calibration: every parameter with its standard deviation, the verdict, the warnings."""
     from ..calibration.calibration import Calibration

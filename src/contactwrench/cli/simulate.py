@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..geometry.ranges import LOAD, NOISE, PUSHES, SEED
 from ..geometry.wrench import WRENCH_AXES
 from ..statistics import counted
 from . import options
-from .outputs import Writes
+from .outputs import output_option
 
 if TYPE_CHECKING:
     from ..simulate.recording import Recorded
@@ -36,60 +36,41 @@ def _with_truth(output: Path, _: Mapping[str, Any]) -> list[Path]:
 
 
 def simulate(
-    output: Annotated[
-        Path,
-        options.text(
-            "OUT",
-            "The recording: .csv, or .mcap, .db3, .bag with wrench and pose as topics; OUT.truth.json goes beside it.",
-            "--output",
-            "-o",
-        ),
-        Writes(_with_truth),
-    ],
-    poses: Annotated[
-        str | None,
-        options.text(
-            "paper|plan[:N]|random:N|FILE",
-            "Static poses: the paper's six, planned ones, random ones, or a CSV with q1..q7 (rad) or an "
-            f"orientation (and x y z). [default: {DEFAULT_POSES}]",
-        ),
-    ] = None,
-    load_g: Annotated[
-        str | None, options.text("G,G,...", "Loads hung on the tool, g, each in every pose; 0 is none.")
-    ] = None,
-    trajectory: Annotated[
-        str | None,
-        options.text(
-            "stops[:N]|excite|sweep|FILE",
-            "A motion instead of static poses, with a stop at each of N planned poses (12) or without any; a FILE "
-            "has t and q1..q7 (rad).",
-        ),
-    ] = None,
-    pushes: Annotated[
-        int, options.number(PUSHES, "N", "Pushes by a hand on the tool's hook during the motion, 1 to 10 N.")
-    ] = 0,
-    noise: Annotated[
-        str | None,
-        options.text(
-            "1/f[:N]",
-            "1/f noise of the sensor beside its white noise: N is the std of a force within a minute. "
-            f"[default: none; 1/f alone: {ONE_OVER_F:g}]",
-        ),
-    ] = None,
-    seed: Annotated[int, options.number(SEED, "S", "Of everything random: same seed, same bytes.")] = 0,
-    settings: Annotated[
-        list[str] | None,
-        options.text(
-            "NAME=VALUE",
-            "Change a setting of the rig, as in sensor.noise.force=0.05 or base.on=wall; again for more. A wrong "
-            "name lists the right ones.",
-            "--set",
-        ),
-    ] = None,
-    orientation: Annotated[
-        str | None,
-        options.text("NAME[:COLUMNS]", "How a file of --poses writes R_base_flange. [default: found from its columns]"),
-    ] = None,
+    output: Path = output_option(
+        "OUT",
+        "The recording: .csv, or .mcap, .db3, .bag with wrench and pose as topics; OUT.truth.json goes beside it.",
+        options.REQUIRED,
+        files=_with_truth,
+    ),
+    poses: str | None = options.text(
+        "paper|plan[:N]|random:N|FILE",
+        "Static poses: the paper's six, planned ones, random ones, or a CSV with q1..q7 (rad) or an "
+        f"orientation (and x y z). [default: {DEFAULT_POSES}]",
+    ),
+    load_g: str | None = options.text("G,G,...", "Loads hung on the tool, g, each in every pose; 0 is none."),
+    trajectory: str | None = options.text(
+        "stops[:N]|excite|sweep|FILE",
+        "A motion instead of static poses, with a stop at each of N planned poses (12) or without any; a FILE "
+        "has t and q1..q7 (rad).",
+    ),
+    pushes: int = options.number(
+        PUSHES, "N", "Pushes by a hand on the tool's hook during the motion, 1 to 10 N.", default=0
+    ),
+    noise: str | None = options.text(
+        "1/f[:N]",
+        "1/f noise of the sensor beside its white noise: N is the std of a force within a minute. "
+        f"[default: none; 1/f alone: {ONE_OVER_F:g}]",
+    ),
+    seed: int = options.number(SEED, "S", "Of everything random: same seed, same bytes.", default=0),
+    settings: list[str] | None = options.text(
+        "NAME=VALUE",
+        "Change a setting of the rig, as in sensor.noise.force=0.05 or base.on=wall; again for more. A wrong "
+        "name lists the right ones.",
+        "--set",
+    ),
+    orientation: str | None = options.text(
+        "NAME[:COLUMNS]", "How a file of --poses writes R_base_flange. [default: found from its columns]"
+    ),
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..recording.bags.open import SUFFIXES_OF_BAGS

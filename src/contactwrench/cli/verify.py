@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
 
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE
 from . import options
@@ -12,17 +12,15 @@ from .recordings import Recordings, calibration_and_samples, with_reading_option
 @with_reading_options
 def verify(
     *,
-    calibration: options.CalibrationFile,
-    limit_force: Annotated[
-        float | None, options.number(LEFT_FORCE, "N", "Largest contact force that may be left in a pose.")
-    ] = None,
-    limit_torque: Annotated[
-        float | None, options.number(LEFT_TORQUE, "NM", "Largest contact torque that may be left in a pose.")
-    ] = None,
-    json: options.Json = False,
+    calibration: Path = options.CALIBRATION,
+    limit_force: float | None = options.number(LEFT_FORCE, "N", "Largest contact force that may be left in a pose."),
+    limit_torque: float | None = options.number(
+        LEFT_TORQUE, "NM", "Largest contact torque that may be left in a pose."
+    ),
+    json: bool = options.JSON,
     recording: Recordings,
-    gravity: options.Gravity = None,
-    g: options.WeighingGravity = None,
+    gravity: str | None = options.GRAVITY,
+    g: float | None = options.WEIGHING_G,
 ) -> int:
     """Hold a second, contact-free recording against a calibration; weigh the loads in its column load_g.
 

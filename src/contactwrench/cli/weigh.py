@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from . import options
 from .recordings import Recordings, calibration_and_samples, with_reading_options
 
@@ -9,11 +11,11 @@ from .recordings import Recordings, calibration_and_samples, with_reading_option
 @with_reading_options
 def weigh(
     *,
-    calibration: options.CalibrationFile,
-    json: options.Json = False,
+    calibration: Path = options.CALIBRATION,
+    json: bool = options.JSON,
     recording: Recordings,
-    gravity: options.Gravity = None,
-    g: options.WeighingGravity = None,
+    gravity: str | None = options.GRAVITY,
+    g: float | None = options.WEIGHING_G,
 ) -> int:
     """Mass and centre of mass of an object that the tool holds, from one or more poses.
 

@@ -14,9 +14,9 @@ from ..geometry.arrays import Array
 from ..samples.accelerometer import AccelerometerStream, with_accelerometer
 from ..samples.bursts import bursts_in, spread
 from ..samples.samples import Samples
-from .bags.messages import accelerations
+from .bags.messages import ACCELERATIONS, XYZ, numbers
 from .bags.open import is_bag, messages, opened_bag
-from .bags.topics import acceleration_topic
+from .bags.topics import IMU_FLAG, named_topic
 from .options import Options
 from .tables.columns import AS_NAMED, Column, Naming, listed
 from .tables.roles import time_columns
@@ -49,10 +49,10 @@ def with_accelerations(samples: Samples, stream: AccelerometerStream | None) -> 
 
 def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:
     with opened_bag(path, accept_damaged=options.accept_damaged) as bag:
-        topic = acceleration_topic(bag, str(options.imu))
-        parts = [accelerations(bag, topic, part[topic]) for part in messages(bag, (topic,)) if topic in part]
-        t = np.concatenate([np.empty(0), *(times for times, _ in parts)])
-        reading = np.concatenate([np.empty((0, 3)), *(values for _, values in parts)])
+        topic = named_topic(bag, str(options.imu), tuple(ACCELERATIONS), IMU_FLAG)
+        axes = tuple(ACCELERATIONS[topic.type] + axis for axis in XYZ)
+        parts = [numbers(bag, topic, part[topic], axes)[:2] for part in messages(bag, (topic,)) if topic in part]
+        t, reading = (np.concatenate(values) for values in zip((np.empty(0), np.empty((0, 3))), *parts, strict=True))
         return AccelerometerStream(t, reading, f"{path} {topic.name}")
 
 

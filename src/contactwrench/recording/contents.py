@@ -127,16 +127,23 @@ def bag_contents(path: str | Path, advance: Advance = unheard) -> BagContents:
 def table_contents(path: str | Path, advance: Advance = unheard) -> TableContents:
     """What is in a table. Raises as `read` for a file that is none."""
     table = open_set(path)
-    t_columns, reading = _reading_of_table(table)
+    t_columns: tuple[Column, ...] = ()
+    with suppress(FileFormatError):
+        t_columns = time_columns(table, AS_NAMED)
+    reading = {
+        "wrench": _or_why_not(lambda: taken_for(wrench_columns(table, AS_NAMED)), table.source),
+        "orientation": _or_why_not(lambda: taken_for(orientation_columns(table, AS_NAMED)[1]), table.source),
+        "times": _or_why_not(lambda: taken_for(time_columns(table, AS_NAMED)) or NO_TIMES, table.source),
+    }
     try:
         count, t, episodes = _counted(table, t_columns, advance)
     except FileFormatError as error:  # a column that is named like times and holds none
-        reading = (*reading[:-1], f"times: {str(error).removeprefix(f'{table.source}: ')}")
+        reading["times"] = str(error).removeprefix(f"{table.source}: ")
         count, t, episodes = _counted(open_set(path), (), advance)
-    if t is None or not len(t):
-        return TableContents(table.source, tuple(table.places), count, None, None, reading, episodes)
-    start = float(t[0])
-    return TableContents(table.source, tuple(table.places), count, start, rhythm(t, start), reading, episodes)
+    start = float(t[0]) if t is not None and len(t) else None
+    times = None if t is None or start is None else rhythm(t, start)
+    sentences = tuple(f"{what}: {said}" for what, said in reading.items())
+    return TableContents(table.source, tuple(table.places), count, start, times, sentences, episodes)
 
 
 def _counted(
@@ -155,17 +162,6 @@ def _counted(
     episodes = () if of_episode is None else tuple(np.unique(values[:, -1]).astype(int).tolist())
     first = values if len(episodes) < 2 else values[values[:, -1] == episodes[0]]
     return count, in_seconds(first[:, : len(t_columns)], t_columns), episodes
-
-
-def _reading_of_table(table: OpenTable) -> tuple[tuple[Column, ...], tuple[str, ...]]:
-    """The columns of the times, and what is taken for what when nothing is asked for, or why that cannot be said."""
-    t_columns: tuple[Column, ...] = ()
-    with suppress(FileFormatError):
-        t_columns = time_columns(table, AS_NAMED)
-    wrench = _or_why_not(lambda: taken_for(wrench_columns(table, AS_NAMED)), table.source)
-    orientation = _or_why_not(lambda: taken_for(orientation_columns(table, AS_NAMED)[1]), table.source)
-    times = _or_why_not(lambda: taken_for(time_columns(table, AS_NAMED)) or NO_TIMES, table.source)
-    return t_columns, (f"wrench: {wrench}", f"orientation: {orientation}", f"times: {times}")
 
 
 def _or_why_not(said: Callable[[], str], source: str) -> str:

@@ -244,10 +244,7 @@ def _streams(wrenches: Table, poses: Table, *, every: bool = False) -> Streams:
             f"{wrench.source}: found no column t, expected the time of each row of a recording: add it, or say "
             "--rate HZ, or use the file as a table of poses"
         )
-    try:
-        orientation = OrientationStream(pose.t, pose.orientation, pose.position, pose.source)
-    except InputError as error:
-        raise FileFormatError(f"{pose.source}: {error}") from None
+    orientation = OrientationStream(pose.t, pose.orientation, pose.position, pose.source)
     readings = WrenchStream(wrench.t, wrench.wrench, wrench.source, wrench.load_mass, wrench.saturated)
     return Streams(readings, orientation, read_as_of_both(wrench, pose))
 

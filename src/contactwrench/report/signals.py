@@ -4,7 +4,7 @@ what is left in motion, with the inertia and without, over time and by frequency
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,26 +63,16 @@ def envelope(t: Array, values: Array, before: Envelope | None = None, most_bins:
         return before or Envelope(0.0, FIRST_WIDTH, values, values)
     if before is None or not len(before.low):
         before = Envelope(float(t.min()), FIRST_WIDTH, values[:0], values[:0])
-    while (t.max() - before.start) / before.width >= most_bins:
-        before = _halved(before)
-    place = np.maximum(((t - before.start) / before.width).astype(np.intp), 0)
-    grown = _with_rows(before, max(len(before.low), int(place.max()) + 1))
-    low, high = grown.low.copy(), grown.high.copy()
-    np.fmin.at(low, place, values)
-    np.fmax.at(high, place, values)
-    return replace(grown, low=low, high=high)
-
-
-def _halved(fine: Envelope) -> Envelope:
-    """Bins twice as wide."""
-    even = _with_rows(fine, len(fine.low) + len(fine.low) % 2)
-    low, high = (values.reshape(-1, 2, values.shape[1]) for values in (even.low, even.high))
-    return Envelope(fine.start, 2.0 * fine.width, np.fmin(low[:, 0], low[:, 1]), np.fmax(high[:, 0], high[:, 1]))
-
-
-def _with_rows(bins: Envelope, rows: int) -> Envelope:
-    more = np.full((rows - len(bins.low), bins.low.shape[1]), np.nan)
-    return replace(bins, low=np.vstack([bins.low, more]), high=np.vstack([bins.high, more]))
+    joined = 1
+    while (t.max() - before.start) / (joined * before.width) >= most_bins:
+        joined *= 2
+    width = joined * before.width
+    of_new = np.maximum(((t - before.start) / width).astype(np.intp), 0)
+    place = np.concatenate([np.arange(len(before.low)) // joined, of_new])
+    low, high = np.full((2, place.max() + 1, values.shape[1]), np.nan)
+    np.fmin.at(low, place, np.concatenate([before.low, values]))
+    np.fmax.at(high, place, np.concatenate([before.high, values]))
+    return Envelope(before.start, width, low, high)
 
 
 def outline(of: Envelope) -> tuple[Array, Array]:

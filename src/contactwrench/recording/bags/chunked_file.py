@@ -7,7 +7,7 @@ from array import array
 from bisect import bisect
 from collections import Counter
 from collections.abc import Iterator, Set
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -231,11 +231,9 @@ class ChunkedFile(ABC):
         starts, ends = np.append(places, len(flat)), np.insert(self._ends(flat, places), 0, 0)
         gaps = np.stack([ends, starts], axis=1)[starts != ends].tolist()
         found = array("q")
-        try:
+        with suppress(UnreadableError):
             if all(begin >= 0 and not any(True for _ in self._walk(content, begin, end)) for begin, end in gaps):
                 return places
-        except UnreadableError:
-            pass
         try:
             for place in self._walk(content, 0, len(content)):
                 found.append(place)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
-from heapq import heappop, heappush
-from operator import itemgetter
 from typing import Any, Protocol
 
 import numpy as np
@@ -135,28 +133,20 @@ class Source(Protocol):
 
 def in_order(starts: Sequence[int], chunks: Iterable[Logged]) -> Iterator[Logged]:
     """What chunks hold, each in order, in the order of all: what reaches beyond the start of the next chunk waits."""
-    waiting: list[tuple[int, int, Logged]] = []
-    for count, (until, chunk) in enumerate(zip((*starts[1:], LATEST), chunks, strict=False)):
-        if len(chunk):
-            heappush(waiting, (int(chunk.stamp[0]), count, chunk))
-        ready = []
-        while waiting and waiting[0][0] < until:
-            _, number, part = heappop(waiting)
-            rows = int(np.searchsorted(part.stamp, until, side="left"))
-            ready.append((number, part[:rows]))
-            if rows < len(part):
-                heappush(waiting, (int(part.stamp[rows]), number, part[rows:]))
-        if ready:
-            yield _merged([part for _, part in sorted(ready, key=itemgetter(0))])
+    waiting = NOTHING
+    for until, chunk in zip((*starts[1:], LATEST), chunks, strict=False):
+        before, of_chunk = (int(np.searchsorted(part.stamp, until, side="left")) for part in (waiting, chunk))
+        ready, waiting = _merged(waiting[:before], chunk[:of_chunk]), _merged(waiting[before:], chunk[of_chunk:])
+        if len(ready):
+            yield ready
 
 
-def _merged(parts: Sequence[Logged]) -> Logged:
-    """Parts that each are in order, in order."""
-    *few, last = parts
-    if not few:
-        return last
-    rest = joined([part.raw.message(row) for part in few for row in range(len(part))])
-    start = np.concatenate([rest.start, last.raw.start + len(rest.flat)])
-    raw = Raw(np.concatenate([rest.flat, last.raw.flat]), start, np.concatenate([rest.length, last.raw.length]))
-    merged = Logged(np.concatenate([part.log for part in parts]), raw)
+def _merged(first: Logged, second: Logged) -> Logged:
+    """Two parts that each are in order, in order."""
+    if not (len(first) and len(second)):
+        return first if len(first) else second
+    rest, last = joined([first.raw.message(row) for row in range(len(first))]), second.raw
+    start = np.concatenate([rest.start, last.start + len(rest.flat)])
+    raw = Raw(np.concatenate([rest.flat, last.flat]), start, np.concatenate([rest.length, last.length]))
+    merged = Logged(np.concatenate([first.log, second.log]), raw)
     return merged[np.argsort(merged.stamp, kind="stable")]

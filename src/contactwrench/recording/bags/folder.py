@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field
@@ -12,7 +11,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from ...errors import FileFormatError
-from ...files import entries
+from ...files import by_numbers, entries
 from ...statistics import counted
 from .chunks import ZSTD, Damage, Logged, Source
 from .message_layout import joined, written
@@ -119,9 +118,7 @@ def files_of(folder: Path, said: Metadata) -> list[Path]:
 def bags_in(folder: Path) -> list[Path]:
     """The files of messages in a folder, split ones in the order of their numbers."""
     files = [file for file in entries(folder) if file.suffix in (".mcap", ".db3") and not file.name.startswith(".")]
-    return sorted(
-        files, key=lambda file: [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", file.stem)]
-    )
+    return sorted(files, key=lambda file: by_numbers(file.stem))
 
 
 def left_in(folder: Path, damage: Damage) -> list[Path]:

@@ -183,12 +183,6 @@ def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
     return t, values
 
 
-def accelerations(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
-    """Times (n,) s and accelerations (n, 3), as they are written."""
-    t, values, _ = numbers(bag, topic, logged, tuple(ACCELERATIONS[topic.type] + path for path in XYZ))
-    return t, values
-
-
 def poses(bag: Bag, topic: Topic, logged: Logged) -> tuple[Placements, list[Link]]:
     """The poses of a topic of `POSES`, and of which frames: parent and child, empty where the messages name none."""
     orientation, position = POSES[topic.type]

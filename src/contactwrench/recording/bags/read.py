@@ -12,7 +12,7 @@ from ...assess.robot_arms import Arm, flange_pose
 from ...errors import FileFormatError, InputError, some_of
 from ...files import name_of
 from ...geometry.arrays import Array
-from ...samples.samples import OrientationStream, ReadAs, Streams, WrenchStream
+from ...samples.samples import OrientationStream, Streams, WrenchStream
 from ..options import AS_USUAL, IN_BASE_AXES, Options
 from ..tables.columns import Advance, unheard
 from .chunks import Topic
@@ -25,6 +25,8 @@ BATCH = 2**16
 """Readings of a batch, and up to a chunk of the bag more."""
 TWO_TURNS = 4.0 * np.pi
 """rad: one joint that counts its turns gets further, and two do only in degrees."""
+NO_READINGS = np.empty(0), np.empty((0, 6))
+NO_POSES = OrientationStream(np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3)))
 
 ReadPoses: TypeAlias = Callable[[Messages], OrientationStream]
 """Of messages that have some of the pose's topics."""
@@ -61,6 +63,16 @@ def bag_batches(
         readings: list[tuple[Array, Array]] = []
         placed: list[OrientationStream] = []
         poses_count, said = 0, None
+
+        def streams() -> Streams:
+            t, values = (np.concatenate(parts) for parts in zip(NO_READINGS, *readings, strict=True))
+            poses = OrientationStream.concatenate(placed or [NO_POSES])
+            R, position = options.R_base_flange(poses.R_base_flange), np.asarray(poses.position)
+            position = np.where(position.any(axis=1, keepdims=True), position, np.nan)  # none is at 0, 0, 0
+            sensed = WrenchStream(t, options.pull(values), f"{name_of(bag.path)} {wrench.name}")
+            poses = OrientationStream(poses.t, R, position, f"{name_of(bag.path)} {source}")
+            return Streams(sensed, poses, read_as, bag.damage.said)
+
         for part in messages(bag, (wrench, *pose)):
             if wrench in part:
                 readings.append(wrenches(bag, wrench, part[wrench]))
@@ -69,12 +81,12 @@ def bag_batches(
                 poses_count += len(placed[-1])
             advance(part_read(bag, part))
             if max(sum(len(t) for t, _ in readings), sum(map(len, placed))) >= batch:
-                yield _streams(bag, options, wrench, source, readings, placed, read_as)
+                yield streams()
                 readings, placed, said = [], [], bag.damage.said
         if not poses_count:
             raise _no_poses(bag, pose[0], source, arm)
         if readings or placed or said != bag.damage.said:
-            yield _streams(bag, options, wrench, source, readings, placed, read_as)
+            yield streams()
 
 
 def pose_in_doubt(path: str | Path, options: Options) -> str:
@@ -166,29 +178,4 @@ def _no_poses(bag: Bag, topic: Topic, source: str, arm: Arm | None) -> FileForma
     return FileFormatError(
         f"{bag.path}: topic {topic.name}: found the joints {some_of(names) or 'without names'}, expected those of "
         f"{arm.name} ({expected}): name the arm's URDF with {ROBOT_FLAG}"
-    )
-
-
-_NO_POSES = OrientationStream(np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3)))
-
-
-def _streams(
-    bag: Bag,
-    options: Options,
-    wrench: Topic,
-    source: str,
-    readings: list[tuple[Array, Array]],
-    placed: list[OrientationStream],
-    read_as: ReadAs,
-) -> Streams:
-    t = np.concatenate([np.empty(0), *(t for t, _ in readings)])
-    values = np.concatenate([np.empty((0, 6)), *(values for _, values in readings)])
-    poses = OrientationStream.concatenate(placed or [_NO_POSES])
-    R, position = options.R_base_flange(poses.R_base_flange), np.asarray(poses.position)
-    position = np.where(position.any(axis=1, keepdims=True), position, np.nan)  # no flange is at 0, 0, 0 of its base
-    return Streams(
-        WrenchStream(t, options.pull(values), f"{name_of(bag.path)} {wrench.name}"),
-        OrientationStream(poses.t, R, position, f"{name_of(bag.path)} {source}"),
-        read_as,
-        bag.damage.said,
     )

@@ -9,7 +9,7 @@ from ...errors import FileFormatError, InputError, some_of
 from ..tables.names import NOT_MEASURED
 from .chunks import Topic
 from .message_layout import written
-from .messages import ACCELERATIONS, JOINT_STATE, POSES, TRANSFORMS, WRENCHES
+from .messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES
 from .open import Bag
 from .transforms import STATIC, tree
 
@@ -20,13 +20,8 @@ IMU_FLAG = "--imu"
 def wrench_topic(bag: Bag, name: str | None) -> Topic:
     """The topic of that name, or the only one with a wrench. Raises `FileFormatError` naming those there are."""
     if name is not None:
-        return _named(bag, name, tuple(WRENCHES), WRENCH_FLAG)
+        return named_topic(bag, name, tuple(WRENCHES), WRENCH_FLAG)
     return _only(bag, "a wrench", tuple(WRENCHES), WRENCH_FLAG, "the sensor's readings")
-
-
-def acceleration_topic(bag: Bag, name: str) -> Topic:
-    """The topic of that name. Raises `FileFormatError` naming those there are."""
-    return _named(bag, name, tuple(ACCELERATIONS), IMU_FLAG)
 
 
 def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm: Arm | None) -> tuple[Topic, ...]:
@@ -39,10 +34,10 @@ def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm:
         return _transform_topics(bag, name)
     if arm is not None:
         if name is not None:
-            return (_named(bag, name, (JOINT_STATE,), POSE_FLAG),)
+            return (named_topic(bag, name, (JOINT_STATE,), POSE_FLAG),)
         return (_only(bag, "joint states", (JOINT_STATE,), POSE_FLAG, "the arm's joints"),)
     if name is not None:
-        topic = _named(bag, name, (*POSES, JOINT_STATE, *TRANSFORMS), POSE_FLAG)
+        topic = named_topic(bag, name, (*POSES, JOINT_STATE, *TRANSFORMS), POSE_FLAG)
         if topic.type not in POSES:
             raise _flag_is_missing(bag, (topic,))
         return (topic,)
@@ -60,12 +55,13 @@ def other_poses(bag: Bag) -> tuple[str, ...]:
 def _transform_topics(bag: Bag, name: str | None) -> tuple[Topic, ...]:
     if name is None:
         return _recorded(bag, TRANSFORMS, f"for {FRAMES_FLAG}")
-    asked = _named(bag, name, (*TRANSFORMS, "geometry_msgs/msg/TransformStamped"), POSE_FLAG)
+    asked = named_topic(bag, name, (*TRANSFORMS, "geometry_msgs/msg/TransformStamped"), POSE_FLAG)
     others = (topic for topic in _with_messages(bag, TRANSFORMS) if topic.name.endswith(STATIC) and topic != asked)
     return asked, *others
 
 
-def _named(bag: Bag, name: str, types: tuple[str, ...], option: str) -> Topic:
+def named_topic(bag: Bag, name: str, types: tuple[str, ...], option: str) -> Topic:
+    """The topic of that name, of one of those types. Raises `FileFormatError` naming those there are, and `option`."""
     same_name = [topic for topic in bag.counts if topic.name in (name, f"/{name}")]
     if not same_name:
         raise FileFormatError(f"{bag.path}: found no topic {name}, expected one of {_listed(bag)}: {option}")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby, takewhile
 from operator import itemgetter
-from typing import NoReturn, TypeAlias
+from typing import NoReturn, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,13 +90,15 @@ class Column:
         return self.name.lower() == f"{self.role}{suffix}"
 
 
+@dataclass(eq=False)
 class Body(ABC):
     """Rows of a table, all or a block, by their numbers in the file `source`, as messages give them. `done`: the
     part of the file, 0 to 1, that was read when these rows end; NaN where nobody knows its size.
     """
 
-    def __init__(self, rows: NDArray[np.intp], source: str, done: float) -> None:
-        self.rows, self.source, self.done = rows, source, done
+    rows: NDArray[np.intp]
+    source: str
+    done: float
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -111,9 +113,9 @@ class Body(ABC):
         Raises `FileFormatError` naming row and column of what is no finite number.
         """
 
-    @abstractmethod
-    def select(self, kept: NDArray[np.bool_]) -> Body:
+    def select(self, kept: NDArray[np.bool_]) -> Self:
         """Some of the rows, by a mask (n,)."""
+        return replace(self, rows=self.rows[kept])
 
     @abstractmethod
     def refuse_lack(self, index: int, column: Column) -> NoReturn:

@@ -7,24 +7,23 @@ say which row and column is wrong; rows are counted as an editor counts lines, t
 from __future__ import annotations
 
 import re
-from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
+from itertools import chain, compress
 from math import inf
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError
-from ...files import blocks_of_lines, name_of
+from ...files import name_of
 from ...geometry.arrays import Array
 from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Body, Column, Naming, OpenTable, places_of, shown
 from .layout import Layout, is_row, layout_of, refuse_units_above
-from .text_cells import PERHAPS_DOTTED, cells, no_number, of_unknown_code, seconds_of_date, split, value
+from .text_cells import PERHAPS_DOTTED, LinesFrom, blocks_of_lines, cells, no_number, seconds_of_date, split, value
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", "")
 
@@ -37,29 +36,18 @@ POINT_FOR_COMMA = str.maketrans(",.", ".\0")
 FIRST_ROWS, LONGEST_HEAD = 100, 100_000
 """The layout is judged by at least so many rows, where there are as many in so many lines."""
 
-OTHER_KINDS = {
-    b"\x1f\x8b": "a gzip file, expected text: unpack it",
-    b"PK\3\4": "an Excel workbook or a zip file, expected text: export it as CSV, or unpack it",
-    b"\xd0\xcf\x11\xe0": "an Excel workbook, expected text: export it as CSV",
-    b"PAR1": "a Parquet file, expected text: name it .parquet",
-    b"\x89HDF": "an HDF5 file, expected text: name it .h5",
-    b"MATLAB": "a MAT-file, expected text: name it .mat",
-    b"\x93NUMPY": "an array of numpy, expected text: write it with numpy.savetxt",
-}
-"""By what they begin with."""
-
 
 def open_csv(path: str | Path, rows: int, naming: Naming = AS_NAMED) -> OpenTable:
     """A text file, `rows` lines at a time. Raises `FileAccessError`, and `FileFormatError` for what is no text, or has
     no header and no column that `naming` tells by its number.
     """
     source = name_of(path)
-    blocks = _blocks_of_text(path, source, rows)
-    first: list[tuple[int, str, float]] = []
+    blocks = blocks_of_lines(path, rows)
+    first: list[LinesFrom] = []
     lines: list[str] = []
     for block in blocks:
         first.append(block)
-        lines += block[1].removesuffix("\n").split("\n")
+        lines += block[1]
         if len(lines) > LONGEST_HEAD or sum(map(is_row, lines)) >= FIRST_ROWS:
             break
     found = layout_of(lines, source)
@@ -80,15 +68,14 @@ def open_csv(path: str | Path, rows: int, naming: Naming = AS_NAMED) -> OpenTabl
     return OpenTable(source, places_of(layout.names, source), lambda _: bodies)
 
 
-def _bodies(blocks: Iterator[tuple[int, str, float]], header_row: int, layout: Layout, source: str) -> Iterator[Lines]:
+def _bodies(blocks: Iterator[LinesFrom], header_row: int, layout: Layout, source: str) -> Iterator[Lines]:
     """The blocks of lines below the header that have rows, or one without any; of a live session that was ended from
     outside, less the row that it was writing (doubts.py tells).
     """
     any_rows, apart = False, replace(layout, separator="\t") if layout.separator == " " else layout
     following = next(blocks, None)
     while following is not None:
-        (first_row, text, done), following = following, next(blocks, None)
-        every = text.split("\n")
+        (first_row, every, done), following = following, next(blocks, None)
         if not following and layout.names[-1] == FLAW and every[-1].count(layout.separator) < len(layout.names) - 1:
             every.pop()
         while not following and len(every) > 1 and not every[-1].strip(f"{layout.separator} "):  # Excel's last rows
@@ -99,55 +86,28 @@ def _bodies(blocks: Iterator[tuple[int, str, float]], header_row: int, layout: L
             lines = ["\t".join(line.split()) for line in lines]
         any_rows = any_rows or bool(rows)
         if rows or not (any_rows or following):
-            yield Lines(lines, np.array(rows, dtype=np.intp), done, apart, source)
+            yield Lines(np.array(rows, dtype=np.intp), source, done, lines, apart)
 
 
-def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[int, str, float]]:
-    """The row at which a block of lines begins, its text, and the part of the file that ends with it."""
-    row = 1
-    for content, done in blocks_of_lines(path, rows):
-        if row == 1 and (kind := next((kind for start, kind in OTHER_KINDS.items() if content.startswith(start)), "")):
-            raise FileFormatError(f"{source}: found {kind}")
-        if row == 1 and b"\0" in content[:4096]:  # UTF-16 with its mark comes as UTF-8
-            raise FileFormatError(
-                f"{source}: found UTF-16 or binary content, expected CSV text in UTF-8: save it as that"
-            )
-        try:
-            text = content.decode("utf-8-sig" if row == 1 else "utf-8")
-        except UnicodeDecodeError as error:
-            if row == 1 and content.startswith(BOM_UTF8):
-                where = row + content.count(b"\n", 0, error.start)
-                raise FileFormatError(
-                    f"{source}: row {where}: found a byte that is no UTF-8, expected UTF-8: save it as that"
-                ) from None
-            text = of_unknown_code(content)
-        text = text.replace("\N{MINUS SIGN}", "-")
-        if "\r" in text:
-            text = text.replace("\r\n", "\n").replace("\r", "\n")
-        yield row, text, done
-        row += text.count("\n")
-
-
+@dataclass(eq=False)
 class Lines(Body):
     """Rows of a text file, by the lines that hold them and the numbers of these."""
 
-    def __init__(self, lines: list[str], rows: NDArray[np.intp], done: float, layout: Layout, source: str) -> None:
-        super().__init__(rows, source, done)
-        self._lines, self._layout = lines, layout
+    lines: list[str]
+    layout: Layout
 
-    def select(self, kept: NDArray[np.bool_]) -> Lines:
-        """Some of the rows, by a mask (n,)."""
-        lines = [self._lines[k] for k in np.flatnonzero(kept).tolist()]
-        return Lines(lines, self.rows[kept], self.done, self._layout, self.source)
+    def select(self, kept: NDArray[np.bool_]) -> Self:
+        """As of `Body`."""
+        return replace(self, rows=self.rows[kept], lines=list(compress(self.lines, kept.tolist())))
 
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for a cell that is empty, or NaN."""
         row = self.row_of(index)
-        raise self._lack(cells(self._lines[index], self._layout.separator, row, self.source)[column.place], column, row)
+        raise self._lack(cells(self.lines[index], self.layout.separator, row, self.source)[column.place], column, row)
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
         """As of `Body`."""
-        if not self._lines:
+        if not self.lines:
             raise FileFormatError(
                 f"{self.source}: found a header and no rows, expected a row for each reading: add them"
             )
@@ -160,14 +120,14 @@ class Lines(Body):
                 if _may_be_thousands(values[:, [column in of_wrench for column in columns]]):
                     self._refuse_thousands(of_wrench)
                 return values
-        rows = zip(self.rows.tolist(), self._lines, strict=True)
+        rows = zip(self.rows.tolist(), self.lines, strict=True)
         return np.array([self._row(row, line, columns, may_lack) for row, line in rows], dtype=np.float64)
 
     def _refuse_thousands(self, columns: Sequence[Column]) -> None:
         """Raise `FileFormatError` where every number with a decimal mark has three decimals, as thousands have."""
-        mark = self._layout.decimal
-        rows = zip(self.rows.tolist(), self._lines, strict=True)
-        of_each = [(row, cells(line, self._layout.separator, row, self.source)) for row, line in rows]
+        mark = self.layout.decimal
+        rows = zip(self.rows.tolist(), self.lines, strict=True)
+        of_each = [(row, cells(line, self.layout.separator, row, self.source)) for row, line in rows]
         found = [(row, column, of_row[column.place]) for row, of_row in of_each for column in columns]
         marked = [(row, column, cell) for row, column, cell in found if mark in cell]
         whole = any(mark not in cell and cell.strip("+-0") for *_, cell in found)
@@ -180,17 +140,17 @@ class Lines(Body):
 
     def _parsed(self, columns: Sequence[Column], gaps: bool) -> Array | None:
         """The numbers by numpy, NaN in gaps; None where it cannot tell, or a row has other than `width` cells."""
-        whole = {line.count(self._layout.separator) for line in self._lines} == {len(self._layout.names) - 1}
-        if any('"' in line for line in self._lines) or not whole:
-            whole = all(map(self._is_whole, self._lines))
-        values = self._loaded(self._lines, columns) if whole else None
+        whole = {line.count(self.layout.separator) for line in self.lines} == {len(self.layout.names) - 1}
+        if any('"' in line for line in self.lines) or not whole:
+            whole = all(map(self._is_whole, self.lines))
+        values = self._loaded(self.lines, columns) if whole else None
         return self._loaded(self._filled(), columns) if whole and gaps and values is None else values
 
     def _loaded(self, lines: list[str], columns: Sequence[Column]) -> Array | None:
         try:
             values: Array = np.loadtxt(
-                lines if self._layout.decimal == "." else [line.translate(POINT_FOR_COMMA) for line in lines],
-                delimiter=self._layout.separator,
+                lines if self.layout.decimal == "." else [line.translate(POINT_FOR_COMMA) for line in lines],
+                delimiter=self.layout.separator,
                 usecols=[column.place for column in columns],
                 converters={column.place: partial(_date, column) for column in columns if self._has_dates(column)},
                 ndmin=2,
@@ -206,43 +166,43 @@ class Lines(Body):
     def _has_dates(self, column: Column) -> bool:
         """Whether a column of times is written as dates: in the first row, and so in all."""
         try:
-            cell = split(self._lines[0], self._layout.separator)[column.place] if column.role == "t" else ""
+            cell = split(self.lines[0], self.layout.separator)[column.place] if column.role == "t" else ""
             return seconds_of_date(cell) < inf
         except (ValueError, IndexError):
             return False
 
     def _filled(self) -> list[str]:
         """The rows with nan in cells that lack a number."""
-        d = self._layout.separator
+        d = self.layout.separator
         lacking = re.compile(rf"([{d}\n])(?:{LACKING})?(?=[{d}\n])", re.IGNORECASE)
-        return lacking.sub(r"\1nan", "\n".join(["", *self._lines, ""])).split("\n")[1:-1]
+        return lacking.sub(r"\1nan", "\n".join(["", *self.lines, ""])).split("\n")[1:-1]
 
     def _is_whole(self, line: str) -> bool:
         """Whether a row has as many cells as the header; a quoted cell may hold the delimiter."""
-        separator, width = self._layout.separator, len(self._layout.names)
+        separator, width = self.layout.separator, len(self.layout.names)
         return (len(split(line, separator)) if '"' in line else line.count(separator) + 1) == width
 
     def _row(self, row: int, line: str, columns: Sequence[Column], may_lack: Collection[Column]) -> list[float]:
         """The numbers of one row, slowly: the first thing that is wrong is named. Raises `FileFormatError`."""
-        separator, width = self._layout.separator, len(self._layout.names)
+        separator, width = self.layout.separator, len(self.layout.names)
         found = cells(line, separator, row, self.source)
         if len(found) == width:
             return [self._number(found[column.place], column, row, column in may_lack) for column in columns]
         if separator == "," and 2 * len(found) >= 3 * width:
             raise FileFormatError(
-                f"{self.source}: row {row}, from column {shown(self._layout.names[0])} on: found {len(found)} values "
-                f"between commas, expected {self._layout.width}: if these are decimal commas, write them as "
+                f"{self.source}: row {row}, from column {shown(self.layout.names[0])} on: found {len(found)} values "
+                f"between commas, expected {self.layout.width}: if these are decimal commas, write them as "
                 "points, or separate the cells by semicolons"
             )
         raise FileFormatError(
-            f"{self.source}: row {row}: found {len(found)} values, expected {self._layout.width}: complete the row, "
+            f"{self.source}: row {row}: found {len(found)} values, expected {self.layout.width}: complete the row, "
             "and write decimals with a point"
         )
 
     def _number(self, cell: str, column: Column, row: int, may_lack: bool) -> float:
         if column.role == SATURATED and cell.lower() in BOOLEANS:
             return BOOLEANS[cell.lower()]
-        comma = self._layout.decimal == ","
+        comma = self.layout.decimal == ","
         try:
             lacks = not cell or (may_lack and re.fullmatch(LACKING, cell, re.IGNORECASE))
             read = partial(_date, column) if self._has_dates(column) else value

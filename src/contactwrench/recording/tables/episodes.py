@@ -8,10 +8,10 @@ src/lerobot/datasets/v30/convert_dataset_v21_to_v30.py).
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,18 +147,20 @@ def at_rate(table: OpenTable, naming: Naming, rate: float) -> OpenTable:
     def bodies(columns: Collection[Column]) -> Iterator[Body]:
         begin = 0
         for body in table.bodies([column for column in columns if column.place != place]):
-            yield _Counted(body, np.arange(begin, begin + len(body)) / rate, place)
+            t = np.arange(begin, begin + len(body)) / rate
+            yield _Counted(body.rows, body.source, body.done, body, t, place)
             begin += len(body)
 
     return OpenTable(table.source, {**table.places, counted_times(rate): place}, bodies)
 
 
+@dataclass(eq=False)
 class _Counted(Body):
     """Rows with times `t` (n,) in a column of its own."""
 
-    def __init__(self, body: Body, t: Array, place: int) -> None:
-        super().__init__(body.rows, body.source, body.done)
-        self.body, self.t, self.place = body, t, place
+    body: Body
+    t: Array
+    place: int
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
         of_file = np.array([column.place != self.place for column in columns], dtype=bool)
@@ -166,8 +168,8 @@ class _Counted(Body):
         values[:, of_file] = self.body.numbers([column for column in columns if column.place != self.place], may_lack)
         return values
 
-    def select(self, kept: NDArray[np.bool_]) -> _Counted:
-        return _Counted(self.body.select(kept), self.t[kept], self.place)
+    def select(self, kept: NDArray[np.bool_]) -> Self:
+        return replace(self, rows=self.rows[kept], body=self.body.select(kept), t=self.t[kept])
 
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         self.body.refuse_lack(index, column)

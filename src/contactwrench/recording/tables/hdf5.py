@@ -11,14 +11,13 @@ import re
 import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import FileFormatError, of_extra
 from ...files import open_bytes
@@ -78,42 +77,31 @@ def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
                 for start in range(0, length, rows):
                     block = np.arange(start, min(start + rows, length)) + 1
                     done = (k + block[-1] / length) / len(groups)
-                    yield Datasets(datasets, group, fields, block, source, done)
+                    yield Datasets(block, source, done, datasets, group, fields)
 
     return OpenTable(source, places_of((field.name for field in fields), source), bodies)
 
 
+@dataclass(eq=False)
 class Datasets(Batch):
     """Rows of one group of datasets, read when they are asked for."""
 
-    def __init__(
-        self,
-        datasets: dict[str, Any],
-        which: _Group,
-        fields: list[Field],
-        rows: NDArray[np.intp],
-        source: str,
-        done: float,
-    ) -> None:
-        super().__init__(rows, source, done)
-        self._datasets, self._which, self._fields = datasets, which, fields
-        self._read: dict[str, Array] = {}
-
-    def select(self, kept: NDArray[np.bool_]) -> Datasets:
-        """Some of the rows, by a mask (n,)."""
-        return Datasets(self._datasets, self._which, self._fields, self.rows[kept], self.source, self.done)
+    datasets: dict[str, Any]
+    which: _Group
+    fields: list[Field]
+    _read: dict[str, Array] = field(default_factory=dict, init=False)
 
     def floats(self, column: Column) -> Array:
         """The numbers (n,) of a column. Raises `FileFormatError` where they cannot be read."""
-        field = self._fields[column.place]
-        if not field.path:
-            return np.full(len(self), float(self._which.episode or 0))
-        name, first = field.path[0], int(self.rows[0])
+        of = self.fields[column.place]
+        if not of.path:
+            return np.full(len(self), float(self.which.episode or 0))
+        name, first = of.path[0], int(self.rows[0])
         if name not in self._read:
             with _readable(self.source):
-                block = np.asarray(self._datasets[name][first - 1 : int(self.rows[-1])], dtype=np.float64)
+                block = np.asarray(self.datasets[name][first - 1 : int(self.rows[-1])], dtype=np.float64)
             self._read[name] = block.reshape(len(block), -1)[self.rows - first]
-        return self._read[name][:, field.element or 0]
+        return self._read[name][:, of.element or 0]
 
 
 @lru_cache(4)

@@ -7,20 +7,19 @@ for columns `name.field`. A folder may be a data set of LeRobot (episodes.py).
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError, of_extra
-from ...files import entries, open_bytes
+from ...files import by_numbers, entries, open_bytes
 from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, Part, readable, require_room, require_room_for_pages
 from .columns import Column, OpenTable, places_of, shown
@@ -79,7 +78,7 @@ def open_parquet(path: str | Path, rows: int, episode: int | None, *, whole: boo
                 here = numbers[read : read + len(record)]
                 read += len(record)
                 if 0 < len(here) == len(record):
-                    yield Records(record, fields, here, str(path), here[-1] / total)
+                    yield Records(here, str(path), here[-1] / total, record, fields)
             if read != len(numbers):
                 stated = f"the {len(numbers)} stated"
                 raise FileFormatError(f"{part.path}: found {read} rows, expected {stated}: write it anew")
@@ -87,24 +86,24 @@ def open_parquet(path: str | Path, rows: int, episode: int | None, *, whole: boo
     return OpenTable(str(path), places_of((field.name for field in fields), str(path)), bodies)
 
 
+@dataclass(eq=False)
 class Records(Batch):
     """Rows of Parquet files in a record batch."""
 
-    def __init__(self, record: Any, fields: list[Field], rows: NDArray[np.intp], source: str, done: float) -> None:
-        super().__init__(rows, source, done)
-        self.record, self._fields = record, fields
+    record: Any
+    fields: list[Field]
 
-    def select(self, kept: NDArray[np.bool_]) -> Records:
-        """Some of the rows, by a mask (n,)."""
+    def select(self, kept: NDArray[np.bool_]) -> Self:
+        """As of `Body`."""
         import pyarrow as pa
 
-        return Records(self.record.filter(pa.array(kept)), self._fields, self.rows[kept], self.source, self.done)
+        return replace(self, rows=self.rows[kept], record=self.record.filter(pa.array(kept)))
 
     def floats(self, column: Column) -> Array:
         """The numbers (n,) of a column; NaN for null. Raises `FileFormatError` for what are no numbers."""
         import pyarrow as pa
 
-        field = self._fields[column.place]
+        field = self.fields[column.place]
         with _readable(self.source):
             values = _at(self.record, field.path)
             if field.element is not None:
@@ -218,14 +217,10 @@ def _episodes(metadata: Any, groups: list[Any]) -> tuple[tuple[float, float] | N
 
 def _parts(folder: Path) -> list[Path]:
     """The Parquet files in a folder, or of a data set of LeRobot, part 2 before part 10."""
-
-    def by_numbers(path: Path) -> list[tuple[int, str]]:
-        words = re.split(r"(\d+)", str(path.relative_to(folder)))
-        return [(int(word), "") if word.isdecimal() else (-1, word) for word in words]
-
     in_set = (folder / LEROBOT).is_file()
     files = (folder / "data").glob("*/*") if in_set else entries(folder)
-    return sorted((path for path in files if path.suffix.lower() in SUFFIXES), key=by_numbers)
+    parts = (path for path in files if path.suffix.lower() in SUFFIXES)
+    return sorted(parts, key=lambda path: by_numbers(str(path.relative_to(folder))))
 
 
 def _leaves(schema: Any, above: tuple[str, ...] = ()) -> Iterator[_Leaf]:

@@ -52,7 +52,7 @@ def write_contact_wrenches(
     if Path(path).suffix.lower() not in SUFFIXES:
         write_text(path, _csv(batches))
     elif recording is not None and is_parquet(recording):
-        write_bytes(Path(path), _parquet(_beside(recording, naming, iter(batches), every_row)))
+        write_bytes(Path(path), _parquet(_beside(recording, naming, batches, every_row)))
     else:
         write_bytes(Path(path), _parquet(map(columns_of, batches)))
 
@@ -103,25 +103,21 @@ def columns_of(batch: ContactWrenches) -> dict[str, Any]:
 
 
 def _beside(
-    recording: str | Path, naming: Naming, batches: Iterator[ContactWrenches], every_row: bool
+    recording: str | Path, naming: Naming, batches: Iterable[ContactWrenches], every_row: bool
 ) -> Iterator[dict[str, Any]]:
     """The recording's columns and, in the rows that have a wrench, or in all, the new ones."""
     import pyarrow as pa
 
-    waiting, prefix = None, ""
-    first = next(batches, None)
-    whole_set = first is not None and first.episode is not None
-    batches = chain([] if first is None else [first], batches)
+    tables: Iterator[Any] = (pa.table(columns_of(batch)) for batch in batches)
+    waiting = next(tables, pa.table({}))
+    whole_set = EPISODE in waiting.column_names
     for record, has_wrench in _rows_as_stored(recording, naming, every_row, whole_set):
-        parts: list[Any] = [] if waiting is None else [waiting]
         wanted = int(has_wrench.sum())
-        while sum(len(part) for part in parts) < wanted or not parts:
-            batch = next(batches, None)
-            if batch is None:
+        while len(waiting) < wanted:
+            if (more := next(tables, None)) is None:
                 raise InputError(f"{recording}: found more rows than were compensated: write to another format")
-            parts.append(pa.table(columns_of(batch)))
-        known = pa.concat_tables(parts)
-        new, waiting = known.slice(0, wanted), known.slice(wanted)
+            waiting = pa.concat_tables([waiting, more])
+        new, waiting = waiting.slice(0, wanted), waiting.slice(wanted)
         if not has_wrench.all():
             at = np.cumsum(has_wrench) - 1
             new = new.take(pa.array(at, mask=~has_wrench))
@@ -129,7 +125,7 @@ def _beside(
         names = [name for name in new.column_names if name not in ("t", EPISODE)]
         prefix = PREFIX if any(name in kept for name in names) else ""
         yield kept | {prefix + name: new.column(name) for name in names}
-    if (waiting is not None and len(waiting)) or any(len(batch.wrench) for batch in batches):
+    if len(waiting) or any(map(len, tables)):
         raise InputError(f"{recording}: found fewer rows than were compensated: write to another format")
 
 
