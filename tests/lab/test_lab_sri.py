@@ -46,7 +46,7 @@ def test_commands_are_answered_as_the_box_answers(sri: Sri) -> None:
 
 
 def test_who_asks_for_the_rate_that_it_has_does_not_stop_it(sri: Sri, stream: socket.socket) -> None:
-    """Its clock began anew, and stood as long as the answer took: samples of that time were neither sent nor counted."""
+    """Its clock began anew, and stood as long as the answer took: what it took meanwhile was not counted."""
     first, begun = sri_packet(stream)[0], time.monotonic()
     sri.late(0.1)
     with connected(sri.port) as other:
