@@ -172,7 +172,8 @@ class Reader:
                 return
             self._given += len(news.samples)
         self._news.append(news)
-        self.wake.set()
+        if not self.wake.is_set():
+            self.wake.set()
 
 
 class Pump:

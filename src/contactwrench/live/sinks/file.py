@@ -59,14 +59,14 @@ class GrowingFile(ABC):
         self._kept: list[Turn] = []
         self._unwritten, self._more = 0, False
         self._added = self._wrote = monotonic()
-        self._file: Growing | None = None
+        self._file: Any = None
 
     def open(self) -> None:
         """Raises `FileAccessError`, and `MissingExtraError` without pyarrow or mcap."""
         with cause_named(self._path):
             file_of(self._path)
             self._file = self._kind(self._path)
-            if isinstance(self._file, GrowingText):
+            if self._kind is GrowingText:
                 self._file.add([",".join(self.NAMES) + "\n"])  # comes with the first rows, or the end
 
     def write(self, turn: Turn) -> None:
@@ -104,16 +104,9 @@ class GrowingFile(ABC):
         rows = self._rows_of(turn)
         self._more = True
         self.dropped += rows
+        content = {GrowingText: self._lines, GrowingParquet: self._columns, GrowingMcap: self._messages}[self._kind]
         with cause_named(self._path):
-            match self._file:
-                case GrowingMcap():
-                    self._file.add(self._messages(turn))
-                case GrowingParquet():
-                    columns = self._columns(turn)  # of poses alone none, but a Recorder keeps where they were
-                    if rows:
-                        self._file.add(columns)
-                case GrowingText():
-                    self._file.add(self._lines(turn))
+            self._file.add(content(turn))  # of poses alone no rows, but a Recorder keeps where they were
         self.dropped, self._unwritten = self.dropped - rows, self._unwritten + rows
 
     def _write(self) -> None:

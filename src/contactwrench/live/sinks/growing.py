@@ -110,7 +110,8 @@ class GrowingParquet:
         """Rows."""
         import pyarrow as pa
 
-        self._tables.append(pa.table(columns))
+        if (table := pa.table(columns)).num_rows:
+            self._tables.append(table)
 
     def write(self) -> None:
         """Write the part that the rows belong to, beside its place, and rename it."""
