@@ -116,6 +116,7 @@ def test_what_is_loaded_is_not_said_to_be_compiled(
         time.sleep(0.3)
 
     monkeypatch.setattr("contactwrench.compensate.runner.compiled", compiled)
+    monkeypatch.setattr("contactwrench.cli.live_terminal.EVERY", 0.02)
     before = Before((False, False), {}, Hub(), None, None, inertia=False)
     before.compile(0.1)
     before.wait_until_compiled()

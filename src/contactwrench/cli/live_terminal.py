@@ -31,10 +31,8 @@ LOADED = 2.0
 """s in which a step that was compiled before is there: where that takes longer the devices are looked at meanwhile, as
 what is wrong with them is to be said at once.
 """
-LOOK = 0.1
-"""s from one look at the compiler to the next."""
 EVERY = 1.0
-"""s from one snapshot to the next: a page that gets none for 1.5 s says that the program says nothing."""
+"""s from one snapshot, or look at the compiler, to the next: a page says after 1.5 s that the program says nothing."""
 
 
 def say(as_json: bool, in_words: bool, said: Said) -> None:
@@ -103,9 +101,7 @@ class Before:
             self._server.close()
 
     def compile(self, seconds: float) -> None:
-        """Begin to compile the step, or to load it, and wait for so many s; say it where that is not enough, and is
-        waited for.
-        """
+        """Begin to compile the step, or to load it; so many s are waited for, behind which that is said."""
         self._compiles.start()
         self._compiles.join(seconds)
         if seconds:
@@ -115,7 +111,7 @@ class Before:
         """Wait until the step is compiled, where that was begun."""
         while self._compiles.ident is not None and self._compiles.is_alive():
             self._tell_step()
-            self._compiles.join(LOOK)
+            self._compiles.join(EVERY)
 
     def _tell_step(self) -> None:
         """Say what becomes of the step, where that is another thing than what was said of it."""

@@ -26,8 +26,7 @@ its rise: so no step. A queue that fills evenly looks alike until it is empty ag
 """
 FLAT = 1e-3
 """s within which all of those lie but the first, where they rose at once by more than `SOONER`, and stay: the device
-was set back, or stood. By `FASTEST` alone, half a ms a second, it took minutes. A network that is later by the same at
-once, and for seconds, looks alike, and its samples are told so much too late.
+was set back, or stood. A network that is later by the same at once looks alike: its samples are told so much too late.
 """
 LATE = 0.05
 """s by which a sample comes after it was taken beyond which it is not to be used: its time may be wrong. Where all come

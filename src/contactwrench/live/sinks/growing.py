@@ -174,6 +174,3 @@ class GrowingMcap:
         channel: int = self._writer.register_channel(topic, "cdr", self._schemas[kind])
         self._channels[topic] = channel
         return channel
-
-
-Growing: TypeAlias = GrowingText | GrowingParquet | GrowingMcap

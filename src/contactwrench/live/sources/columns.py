@@ -56,7 +56,7 @@ class NamedColumns:
         """Put the rows into the batch; what is NaN in them is not there."""
         roles = self._roles
         turns = self._turns(rows) if roles.orientation else [(None, "")] * len(rows)
-        for row, (turn, none) in zip(rows, turns, strict=True):
+        for row, (turn, why) in zip(rows, turns, strict=True):
             device = sum(_in_si(row, roles.t)) if roles.t else nan
             if self._per_s == 0.0 and 0.0 < device < inf:  # the first may have no time
                 self._per_s = device / float(np.asarray(in_seconds(np.array([_in_si(row, roles.t)]), roles.t))[0])
@@ -78,8 +78,7 @@ class NamedColumns:
                 batch.samples.append(Sample(arrival, device, wrench, turn, position, flaw=flaw))
             elif reading:  # the sender has lost one, and goes on
                 batch.samples.append(Sample(arrival, device, cast(Six, reading), flaw=NO_NUMBER))
-            elif not none:
-                batch.notes.append(Note(NoteKind.GARBAGE, self.lacks.get("wrench", WITHOUT)))
+            none = why or ("" if turn or reading else self.lacks.get("wrench", WITHOUT))
             if none and (none != self._told or not reading):  # a reading is used all the same
                 batch.notes.append(Note(NoteKind.GARBAGE, none))
             self._told = none

@@ -79,10 +79,8 @@ class Udp(Link):
     def _received(self, timeout: float) -> list[bytes]:
         came: list[tuple[bytes, Any]] = []
         try:
-            self._socket.settimeout(timeout)
-            came.append(self._socket.recvfrom(MOST_BYTES))
-            self._socket.settimeout(0.0)
             while len(came) < MOST:
+                self._socket.settimeout(0.0 if came else timeout)
                 came.append(self._socket.recvfrom(MOST_BYTES))
         except (TimeoutError, BlockingIOError, ConnectionResetError):
             pass

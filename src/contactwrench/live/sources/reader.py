@@ -10,8 +10,6 @@ from ..source import Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .transport import Deadline, Link
 
-LOOK = 0.1
-"""s that a read waits for the first samples."""
 NOT_A_STREAM = 100_000
 """Bytes without a sample after which what comes is no stream of the device."""
 ZEROED = "the box was told to zero itself: its bias is not the sensor's"
@@ -97,7 +95,7 @@ class Reader(Generic[AnyLink]):
         while len(early.samples) < number:
             if not deadline.left:
                 raise missing()
-            early.add(self.read(min(deadline.left, LOOK)))
+            early.add(self.read(deadline.left))
             self._unread = 0  # the deadline says it better
         self._early = early
         return early

@@ -14,7 +14,7 @@ from ...errors import MissingExtraError
 from ..counter import Counter
 from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Four, NobodyYetError, Sample, Six, Three, now
 from ..uri import Uri
-from .transport import LISTENS, Deadline
+from .transport import LISTENS
 
 WRENCHES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench")
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/Pose")
@@ -59,13 +59,10 @@ class Ros2:
 
     def read(self, timeout: float) -> Batch:
         """As `Source`."""
-        batch, deadline = Batch(), Deadline(timeout)
-        messages: list[Any] = []
-        while not messages and not self._closed.is_set():
+        batch, messages = Batch(), list[Any]()
+        if not self._closed.is_set():
             with self._lock:
-                messages = self._subscription.take(min(STEP, deadline.left)) if self._subscription else []
-            if not deadline.left:
-                break
+                messages = self._subscription.take(min(STEP, timeout)) if self._subscription else []
         arrival = now()
         for message in messages:
             self.take(message, arrival, batch)
@@ -162,8 +159,7 @@ class _Rclpy:
         self._messages.append(message)
 
     def _discovered(self, topic: str) -> str:
-        deadline = Deadline(LISTENS)
-        while deadline.left:
+        for _ in range(round(LISTENS / STEP)):
             if types := dict(self._node.get_topic_names_and_types()).get(topic):
                 return str(types[0])
             sleep(STEP)

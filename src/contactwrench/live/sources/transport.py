@@ -60,9 +60,7 @@ class Link(ABC):
         self._socket: Any = None
 
     def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, of which `LOOK` s are waited for at most, and after `close`. Raises
-        `DeviceError`: the connection is cut.
-        """
+        """What has come; nothing in silence, `LOOK` s at most, and after `close`. Raises `DeviceError`: it is cut."""
         if self._is_closing:  # whose turn it is with the lock
             return []
         with self._lock:
