@@ -59,7 +59,7 @@ class Link(ABC):
         self._lock, self._closings, self._is_closing = Lock(), 0, False
         self._socket: Any = None
 
-    def receive(self, timeout: float) -> list[bytes]:
+    def receive(self, timeout: float) -> list[Any]:
         """What has come; nothing in silence, `LOOK` s at most, and after `close`. Raises `DeviceError`: it is cut."""
         if self._is_closing:  # whose turn it is with the lock
             return []
@@ -67,7 +67,7 @@ class Link(ABC):
             return [] if self._socket is None else self._received(min(timeout, LOOK))
 
     @abstractmethod
-    def _received(self, timeout: float) -> list[bytes]:
+    def _received(self, timeout: float) -> list[Any]:
         """What can be read within the time. The lock is held."""
 
     def send(self, data: bytes) -> None:
@@ -187,6 +187,18 @@ class Tcp(Link):
     def _cut(self, error: OSError | None) -> DeviceError:
         why = f" ({(error.strerror or str(error)).lower()})" if error is not None else ""
         return self.error(f"the connection closed{why}", "samples", f"check the {self._device} and its cable")
+
+
+class Driver(Link):
+    """A library's own object, which gives what has come by `take(timeout)`, and has a `close`."""
+
+    def start(self, made: Any) -> None:
+        """Begin with it."""
+        with self._lock:
+            self._use(made)
+
+    def _received(self, timeout: float) -> list[Any]:
+        return list(self._socket.take(timeout))
 
 
 class StandardInput(Link):
