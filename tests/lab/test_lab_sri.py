@@ -45,6 +45,19 @@ def test_commands_are_answered_as_the_box_answers(sri: Sri) -> None:
         assert "AT+ADJZF=1;1;1;1;1;1" not in sri.asked
 
 
+def test_who_asks_for_the_rate_that_it_has_does_not_stop_it(sri: Sri, stream: socket.socket) -> None:
+    """Its clock began anew, and stood as long as the answer took: what it took meanwhile was not counted."""
+    first, begun = sri_packet(stream)[0], time.monotonic()
+    sri.late(0.1)
+    with connected(sri.port) as other:
+        other.sendall(b"AT+SMPF=1000\r\n")
+        assert line(other) == "ACK+SMPF=1000$OK"
+    number = first
+    while time.monotonic() - begun < 0.4:
+        number = sri_packet(stream)[0]
+    assert number - first > 1000.0 * (time.monotonic() - begun) - 50.0
+
+
 def test_old_firmware_answers_without_ok() -> None:
     with Sri(Plain(), old=True) as sri, connected(sri.port) as connection:
         connection.sendall(b"AT+SMPR=200\r\nAT+SMPF=?\r\n")

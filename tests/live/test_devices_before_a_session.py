@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
 from threading import Event
 
 import pytest
 
-from contactwrench.cli.live_terminal import COMPILES
+from contactwrench.cli.live_terminal import COMPILES, LOADS, Before
 from contactwrench.errors import InputError
 from contactwrench.lab.rsi import Rsi
 from contactwrench.lab.sri import Sri
@@ -87,12 +89,45 @@ def test_another_rate_is_refused(rate: float, kept: int, monkeypatch: pytest.Mon
     assert end == f"ask for it, as in sri://x?rate={found:.0f}"
 
 
+def compiling(monkeypatch: pytest.MonkeyPatch) -> Event:
+    """A compiler that is at it until the event is set."""
+    done = Event()
+
+    def compile_now(before: Before) -> None:
+        before.events_of_compiler.append("begins")
+        done.wait()
+
+    monkeypatch.setattr("contactwrench.cli.live_terminal.compile_now", compile_now)
+    return done
+
+
+@pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+@pytest.mark.parametrize(("kept", "said"), [(False, [LOADS, COMPILES]), (True, [LOADS])], ids=["new", "kept"])
+def test_what_is_loaded_is_not_said_to_be_compiled(
+    kept: bool, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy machine it took more than two seconds, and a person waited for two minutes that never came."""
+    import numba
+
+    def compiled(_: bool) -> None:
+        time.sleep(0.2)
+        if not kept:
+            numba.njit(lambda x: x + 1).compile((numba.types.int64,))
+        time.sleep(0.3)
+
+    monkeypatch.setattr("contactwrench.compensate.runner.compiled", compiled)
+    monkeypatch.setattr("contactwrench.cli.live_terminal.EVERY", 0.02)
+    before = Before((False, False), {}, Hub(), None, None, inertia=False)
+    before.compile(0.1)
+    before.wait_until_compiled()
+    assert [each.text for each in before._told] == said
+
+
 def test_what_is_not_there_is_said_while_the_step_is_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """That takes ten seconds the first time."""
-    compiled = Event()
-    monkeypatch.setattr("contactwrench.cli.live_terminal.compile_now", lambda _: compiled.wait())
+    compiled = compiling(monkeypatch)
     monkeypatch.setattr("contactwrench.cli.live_terminal.LOADED", 0.01)
     calibration().save(tmp_path / "cal.json")
     uri = f"tcp://127.0.0.1:{free_port()}"
@@ -126,12 +161,11 @@ def test_compiling_and_waiting_are_events_and_on_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Before the session: else a service, which has no terminal, looks hung; and nobody starts the robot's program."""
-    step, shown = Event(), []
+    step, shown = compiling(monkeypatch), []
 
     def seen(hub: Hub, snapshot: bytes) -> None:
         shown.append(json.loads(snapshot))
 
-    monkeypatch.setattr("contactwrench.cli.live_terminal.compile_now", lambda _: step.wait())
     monkeypatch.setattr("contactwrench.cli.live_terminal.LOADED", 0.01)
     monkeypatch.setattr("contactwrench.cli.live_terminal.EVERY", 0.02)
     monkeypatch.setattr("contactwrench.live.sources.rsi.LISTENS", 0.3)

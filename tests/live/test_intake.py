@@ -146,3 +146,23 @@ def test_a_device_that_begins_anew_now_and_then_is_in_step_again(counts: bool) -
     _, flaws = begun_anew(0.7, counts)
     assert set(flaws) == {"", UNKNOWN}
     assert flaws.count(UNKNOWN) < 80
+
+
+def test_times_that_stand_are_said_for_what_they_are_and_seldom() -> None:
+    """Lines that all have t = 5: number 5000000 came again, four times a second, and what that is, not."""
+    intake, counter, said = Intake("udp://:9000", "sensor"), Counter(1e-6, step=None), list[str]()
+    intake.opened(About("lines", wrench=True, orientation=False), 0.0)
+    for k in range(1_000):
+        arrival, batch = 0.01 * k, Batch()
+        if counter.take(5_000_000, arrival, batch) is not None:
+            batch.samples.append(Sample(arrival, 5.0, wrench=(0.0,) * 6))
+        intake.take(batch)
+        said += [event.text for event in intake.look(arrival) if event.kind == NoteKind.REPEATED]
+    stands = "all stamped alike: let their time or number go on, or leave it out"
+    assert said[0].startswith("number 5000000 came again")
+    assert len(said) == 3
+    assert all(text.startswith(f"{stands} (and more: ") for text in said[1:])
+    batch = Batch()
+    new = [counter.take(5_000_000 + k, 10.0 + 0.01 * k, batch) is not None for k in (0, 10_000, 10_000, 20_000)]
+    assert new == [False, True, False, True]
+    assert [note.text for note in batch.notes] == [stands, "number 5010000 came again"]

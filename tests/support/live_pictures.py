@@ -16,14 +16,18 @@ from pathlib import Path
 from shutil import which
 from typing import Any
 
+import msgspec
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 from benchmarks.live_calibration import ended, lines_until, started
+from contactwrench.live.page import Hub, serve
+from tests.support.live_session import UGLY
 from tests.support.page_client import PageClient, more_than, push, touch
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images" / "live"
 WIDE, HIGH, COLOURS = 1280, 860, 64
+PHONE: ViewportSize = {"width": 400, "height": 860}
 POSES, TOUCHED = 12, 5
 SEED = "3"
 
@@ -76,7 +80,6 @@ def through(page: PageClient, take: Take) -> None:
         page.until(lambda s: s["phase"] == "verify" and s["poses"]["targets"])
         page.lab("next_pose")
         page.until(more_than(k, lambda s: s["checks"]), 40.0)
-    page.ask("save")
     page.until(lambda s: s["saved"])
     take("verify")
     page.ask("next")
@@ -100,10 +103,22 @@ def photographed(page: Page, file: Path) -> None:
     """A picture of the page, of few colours, so that it is small."""
     page.wait_for_timeout(400)
     page.evaluate("window.scrollTo(0, 0)")
-    whole = Image.open(io.BytesIO(page.screenshot()))
+    whole = Image.open(io.BytesIO(page.screenshot(full_page=page.viewport_size == PHONE)))
     few: Any = whole.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     few.save(file, optimize=True)
     print(f"{file.name}: {file.stat().st_size / 1000:.0f} kB")
+
+
+def silent(browser: Browser, file: Path) -> None:
+    """A session on a phone whose sensor is silent."""
+    hub = Hub()
+    server = serve(hub)
+    hub.publish(msgspec.json.encode(UGLY["sensor silent"]))
+    page = browser.new_page(viewport=PHONE)
+    page.goto(server.url)
+    page.wait_for_timeout(600)
+    photographed(page, file)
+    server.close()
 
 
 def main() -> None:
@@ -119,6 +134,7 @@ def main() -> None:
         shown = browser.new_page(viewport={"width": WIDE, "height": HIGH})
         shown.goto(address)
         through(PageClient(address), lambda name: photographed(shown, folder / f"{name}.png"))
+        silent(browser, folder / "silent.png")
         browser.close()
 
 

@@ -26,12 +26,13 @@ if TYPE_CHECKING:
     from ..live.source import Source
 
 COMPILES = "the step is compiled, once on this machine, which takes up to two minutes; the session begins then"
+LOADS = "the step that was compiled before is loaded; the session begins then"
 LOADED = 2.0
 """s in which a step that was compiled before is there: where that takes longer the devices are looked at meanwhile, as
 what is wrong with them is to be said at once.
 """
 EVERY = 1.0
-"""s from one snapshot to the next: a page that gets none for 1.5 s says that the program says nothing."""
+"""s from one snapshot, or look at the compiler, to the next: a page says after 1.5 s that the program says nothing."""
 
 
 def say(as_json: bool, in_words: bool, said: Said) -> None:
@@ -52,8 +53,12 @@ def compile_now(before: Before) -> None:
     if before.aside is not None:
         before.aside()
     if has_compiler():
-        for inertia in (False, True) if before.inertia is None else (before.inertia,):
-            compiled(inertia)
+        from numba.core.event import install_recorder
+
+        with install_recorder("numba:compile") as compiler:  # which has no events where the step is in numba's cache
+            before.events_of_compiler = compiler.buffer
+            for inertia in (False, True) if before.inertia is None else (before.inertia,):
+                compiled(inertia)
         settle()
 
 
@@ -80,6 +85,7 @@ class Before:
     ) -> None:
         self._printed, self._devices, self._hub, self._served_by = printed, devices, hub, serve
         self.aside, self.inertia = aside, inertia
+        self.events_of_compiler: list[Any] = []
         self._told: list[Said] = []
         self._server: Server | None = None
         self._is_told, self._begun = False, Event()
@@ -95,16 +101,23 @@ class Before:
             self._server.close()
 
     def compile(self, seconds: float) -> None:
-        """Begin to compile the step, and wait for so many s; say it where that is not enough, and is waited for."""
+        """Begin to compile the step, or to load it; so many s are waited for, behind which that is said."""
         self._compiles.start()
         self._compiles.join(seconds)
-        if seconds and self._compiles.is_alive():
-            self.tell("compiling", COMPILES, on_terminal=False)
+        if seconds:
+            self._tell_step()
 
     def wait_until_compiled(self) -> None:
         """Wait until the step is compiled, where that was begun."""
-        if self._compiles.ident is not None:
-            self._compiles.join()
+        while self._compiles.ident is not None and self._compiles.is_alive():
+            self._tell_step()
+            self._compiles.join(EVERY)
+
+    def _tell_step(self) -> None:
+        """Say what becomes of the step, where that is another thing than what was said of it."""
+        text = COMPILES if self.events_of_compiler else LOADS
+        if self._compiles.is_alive() and text not in [said.text for said in self._told]:
+            self.tell("compiling", text, on_terminal=False)
 
     def tell(self, kind: str, text: str, device: str = "", *, on_terminal: bool = True) -> None:
         """Say what is waited for; `on_terminal`: there too, as nobody else says it."""

@@ -34,13 +34,14 @@ class Clock:
 
     def __init__(self, rate: float, drift: float, jitter: float) -> None:
         self._drift, self._jitter, self._rng = drift, jitter, np.random.default_rng(0)
-        self.running, self.start, self.row = False, 0.0, 0
+        self.running, self.start, self.row, self.nominal = False, 0.0, 0, rate
         self.set(rate)
 
     def set(self, rate: float) -> None:
-        """Mean another rate, Hz, from the next start on."""
+        """Mean this rate, Hz; another one from a new start on."""
+        self.running = self.running and rate == self.nominal
         self.nominal, self.rate = rate, rate * (1.0 + 1e-6 * self._drift)
-        self._block, self.running = max(round(BLOCK * rate), 1), False
+        self._block = max(round(BLOCK * rate), 1)
 
     def begin(self) -> None:
         """Row 0 is now."""

@@ -24,6 +24,10 @@ RECENT, STRAIGHT = 8, 0.1
 """The last smallest delays by which such a clock is told, and how far they may lie off a straight line, as a part of
 its rise: so no step. A queue that fills evenly looks alike until it is empty again.
 """
+FLAT = 1e-3
+"""s within which all of those lie but the first, where they rose at once by more than `SOONER`, and stay: the device
+was set back, or stood. A network that is later by the same at once looks alike: its samples are told so much too late.
+"""
 LATE = 0.05
 """s by which a sample comes after it was taken beyond which it is not to be used: its time may be wrong. Where all come
 so late for a while the device's clock stood, or was set back, and times are told anew."""
@@ -128,6 +132,8 @@ class Clock:
                 self._rate = 0.0
                 if rise := steady_rise(self._recent):
                     self._paced(1.0 + rise)
+            elif has_stepped(self._recent):
+                self._bins = [*self._recent][1:-1]
             if not self._bins or self._least[0] > self._bins[-1][0]:  # else its clock stands
                 self._bins.append(self._least)
             del self._bins[:-BINS]
@@ -154,6 +160,12 @@ def steady_rise(recent: Sequence[tuple[float, float]]) -> float:
     slope = (last - first) / max(end - begin, LEAST_SPAN * FASTEST)
     off = max(abs(offset - first - slope * (time - begin)) for time, offset in recent)
     return slope if off < STRAIGHT * (last - first) else 0.0
+
+
+def has_stepped(recent: Sequence[tuple[float, float]]) -> bool:
+    """Whether (time, offset) rose at once, and stay."""
+    later = [offset for _, offset in [*recent][1:]]
+    return len(later) == RECENT - 1 and min(later) - recent[0][1] > SOONER and max(later) - min(later) < FLAT
 
 
 def line_under(points: list[tuple[float, float]]) -> tuple[float, tuple[float, float]]:

@@ -9,6 +9,8 @@ BEHIND = 1_000
 IN_A_ROW = 3
 """Samples behind, each ahead of the one before, with none in its place between: the device began anew. Two packets that
 a network delayed together are still two late ones; a device that restarts loses two samples by it."""
+STANDS = "all stamped alike: let their time or number go on, or leave it out"
+"""What is said of a count that came `IN_A_ROW` times and more."""
 SLACK = 0.5
 """s by which samples may come sooner than their numbers say: a jump further ahead was no loss but another start."""
 LEARNT = 5
@@ -34,7 +36,7 @@ class Counter:
         self._latest = LATEST if modulus is None else min(LATEST, modulus * period / 4)
         self._last: int | None = None
         self._total, self._arrival, self._late = 0, 0.0, 0.0
-        self._behind, self._in_a_row = 0, 0
+        self._behind, self._in_a_row, self._alike = 0, 0, 0
         self._learning: list[int] | None = [] if learns and step else None
 
     def take(self, count: int, arrival: float, batch: Batch) -> float | None:
@@ -56,7 +58,8 @@ class Counter:
         if ahead == self._step and not self._in_a_row and self._learning is None:
             return self._forward(count, ahead, arrival)
         if ahead == 0:
-            _note(batch, NoteKind.REPEATED, f"number {count} came again")
+            self._alike += 1
+            _note(batch, NoteKind.REPEATED, f"number {count} came again" if self._alike < IN_A_ROW else STANDS)
             return None
         if self._began_anew(count, ahead, arrival):
             _note(batch, NoteKind.RESTARTED, f"the counter began anew at {count} after {self._last}")
@@ -102,7 +105,8 @@ class Counter:
     def _forward(self, count: int, ahead: int, arrival: float) -> float:
         late = self._late + arrival - self._arrival - ahead * self._period
         self._late = min(late, self._latest) if late > 0.0 else 0.0
-        self._last, self._arrival, self._total, self._in_a_row = count, arrival, self._total + ahead, 0
+        self._last, self._arrival, self._total = count, arrival, self._total + ahead
+        self._in_a_row = self._alike = 0
         return self._total * self._period
 
 

@@ -40,7 +40,8 @@ def probed(
         asked = (wrench, about.wrench, "wrench"), (orientation, about.orientation, "orientation of the flange")
         for wanted, given, what in asked:
             if wanted and not given:
-                raise InputError(f"{source.uri}: found no {what}, expected one: name another device for that")
+                usual = f"found no {what}, expected one: name another device for that"
+                raise InputError(f"{source.uri}: {about.settings.get(f'no {what.split()[0]}', usual)}")
         return about, _at_its_rate(source, about)
     except BaseException:
         source.close()

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from itertools import takewhile
 from math import inf
 
 import numpy as np
@@ -40,37 +41,20 @@ class History:
     """Readings (n, 6) with their times and orientations (n, 4), the newest last."""
 
     def __init__(self) -> None:
-        self._rows = np.empty((2 * ROOM, 11))
-        self._end = 0
-        self._fresh = deque[tuple[float, ...]](maxlen=ROOM)
-        """Those that came since it was looked at: an array takes longer for one row than for a hundred."""
+        self._rows = deque[tuple[float, ...]](maxlen=ROOM)
 
     def add(self, turn: Turn) -> None:
         """The readings of a turn that may be used."""
-        self._fresh.extend((t, *wrench, *orientation) for t, _, wrench, orientation, flaw in turn.readings if not flaw)
-
-    def _take_in(self) -> None:
-        good = [*self._fresh]
-        self._fresh.clear()
-        if self._end + len(good) > 2 * ROOM:
-            kept = self._rows[self._end - ROOM : self._end]
-            self._rows[: len(kept)] = kept
-            self._end = len(kept)
-        if good:
-            self._rows[self._end : self._end + len(good)] = good
-            self._end += len(good)
+        self._rows.extend((t, *wrench, *orientation) for t, _, wrench, orientation, flaw in turn.readings if not flaw)
 
     def last(self, seconds: float, now: float = -inf) -> tuple[Array, Array, Array]:
-        """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds, as views; none, where `now` (s) is
-        told, of a sensor that has given no good reading for `STOPPED` s.
+        """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds; none, where `now` (s) is told, of a
+        sensor that has given no good reading for `STOPPED` s.
         """
-        self._take_in()
-        if not self._end or now - self._rows[self._end - 1, 0] > STOPPED:
-            return self._rows[:0, 0], self._rows[:0, 1:7], self._rows[:0, 7:]
-        first = max(self._end - ROOM, 0)
-        t = self._rows[first : self._end, 0]
-        first += int(np.searchsorted(t, t[-1] - seconds, side="right"))
-        rows = self._rows[first : self._end]
+        newest = self._rows[-1][0] if self._rows else -inf
+        begin = inf if now - newest > STOPPED else newest - seconds
+        last = [*takewhile(lambda row: row[0] > begin, reversed(self._rows))]
+        rows = np.array(last[::-1]).reshape(-1, 11)
         return rows[:, 0], rows[:, 1:7], rows[:, 7:]
 
 

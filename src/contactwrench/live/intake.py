@@ -10,6 +10,7 @@ from ..errors import InputError
 from ..samples.samples import LARGEST_READING
 from .arrivals import Bursts, Rate, Waited
 from .clock import LATE, Clock
+from .counter import STANDS
 from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
 
@@ -22,7 +23,7 @@ LOOK_EVERY = 0.02
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
 AGAIN = 5.0
-"""s after which samples that go on to be late are said again, and what part of all they are."""
+"""s after which samples that go on to be late are said again, and what part of all they are; and times that stand."""
 LEAST_STEP, BEHIND = 1e-6, 1e-4
 """s from one sample to the next: time goes on; and s by which one may lie before the last one, all the same: behind
 more the last one came so late that the time of neither is known.
@@ -57,7 +58,7 @@ class Intake:
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
-        self._looked = self._noted = self._late = self._said_late = self._settled = -inf
+        self._looked = self._noted = self._late = self._said_late = self._said_stands = self._settled = -inf
         self._told, self._pace = (0, 0), 1.0
         self._has_time = False
 
@@ -191,14 +192,17 @@ class Intake:
             events.append(self._of_bursts(t))
         if self._notes and t - self._noted >= NOTES_EVERY:
             self._noted = t
-            for kind, (number, text) in self._notes.items():
+            for kind, (number, text) in [*self._notes.items()]:
+                if text == STANDS and t - self._said_stands < AGAIN:
+                    continue
+                self._said_stands = t if text == STANDS else self._said_stands
+                del self._notes[kind]
                 many = f"{text} (and more: {number} in all)" if number > 1 and "missing" not in text else text
                 if kind == NoteKind.LATE:
                     unused, of = self.wrong - self._told[0], self.samples - self._told[1]
                     many += f"; {unused} of the last {of} samples were not used" if unused > number else ""
                     self._said_late, self._told = t, (self.wrong, self.samples)
                 events.append(self._event(t, kind, "warning", many))
-            self._notes.clear()
         return events
 
     def _of_bursts(self, t: float) -> Event:

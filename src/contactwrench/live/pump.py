@@ -153,10 +153,11 @@ class Reader:
 
     def _stand_by(self) -> None:
         """While another thread leads; raises what that met with."""
-        while (left := self._stands_by_until - now()) > 0.0 and not self._stop.is_set():
+        if self._stands_by_until > now():
             self._reads.release()
             self.wake.set()  # whoever leads may be waiting for this one's last batch
-            self._stop.wait(left)
+            while (left := self._stands_by_until - now()) > 0.0 and not self._stop.wait(left):
+                pass
             self._reads.acquire()
         failure, self._failure = self._failure, None
         if failure is not None:
@@ -172,7 +173,8 @@ class Reader:
                 return
             self._given += len(news.samples)
         self._news.append(news)
-        self.wake.set()
+        if not self.wake.is_set():
+            self.wake.set()
 
 
 class Pump:

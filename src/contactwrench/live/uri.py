@@ -77,13 +77,17 @@ class Uri:
         """The option `rate`, Hz; None where there is none. Raises `InputError`."""
         if (text := self.options.get("rate")) is None:
             return None
-        try:
-            rate = float(text)
-        except ValueError:
-            rate = nan
-        if not 0.0 < rate < inf:
+        if not 0.0 < (rate := number_in(text)) < inf:
             raise InputError(f"{self.text}: found the rate {text}, expected Hz, as in rate=500: correct it")
         return rate
+
+
+def number_in(text: str) -> float:
+    """What a text says; NaN where that is no number."""
+    try:
+        return float(text)
+    except ValueError:
+        return nan
 
 
 def parsed(text: str) -> Uri:

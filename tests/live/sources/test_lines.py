@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from contactwrench.errors import InputError
+from contactwrench.live.devices import probed
 from contactwrench.live.intake import NEVER_KNOWN, Intake
 from contactwrench.live.source import Batch, DeviceError, NoteKind, Sample
 from contactwrench.live.sources import datagrams
@@ -178,9 +179,48 @@ def test_what_is_no_sample_is_garbage_and_ends_nothing(line: str) -> None:
     assert len(batch.samples) == 2
 
 
-def test_a_quaternion_that_is_none_is_not_used() -> None:
+LENGTH_2 = (
+    "the orientation is a quaternion of length 2, expected 1 within 1 %: check the order of its parts and that none is "
+    "cut off"
+)
+
+
+def test_a_quaternion_that_is_none_is_not_used_and_is_named() -> None:
+    """Beside a reading, which is used, once for as long as it lasts; it was no orientation, without a word."""
     batch = decoded('{"qx": 0, "qy": 0, "qz": 0, "qw": 2}\n')
     assert batch.samples == []
+    assert [note.text for note in batch.notes] == [LENGTH_2]
+    six = '"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0'
+    lengths = (1, 2, 2, 1, 1, 2)
+    batch = decoded("".join(f'{{{six}, "qx": 0, "qy": 0, "qz": 0, "qw": {each}}}\n' for each in lengths))
+    assert [sample.orientation is not None for sample in batch.samples] == [each == 1 for each in lengths]
+    assert [note.text for note in batch.notes] == [LENGTH_2] * 2
+
+
+@pytest.mark.parametrize(
+    ("options", "row", "said"),
+    [
+        (
+            "units=force=kgf",
+            "1,2,3,4,5,6,0,0,0,1",
+            "column fx is in kgf and tx says no unit, expected one for each: state it with units=torque=UNIT",
+        ),
+        ("", "1,2,3,4,5,6,0,0,0,2", LENGTH_2),
+    ],
+)
+def test_columns_that_are_there_and_hold_nothing_are_not_missing(
+    options: str, row: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To a sensor whose torque has no unit was said: found no wrench, name another device for that."""
+    to_read, to_write = os.pipe()
+    with io.FileIO(to_read) as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        os.write(to_write, f"{WRENCH},qx,qy,qz,qw\n{row}\n".encode() * 3)
+        source = source_of(f"stdin:?{options}")
+        with pytest.raises(InputError) as raised:
+            probed(source, wrench=True, orientation=True)
+        assert str(raised.value) == f"stdin:?{options}: {said}"
+        os.close(to_write)
 
 
 def test_standard_input_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -241,7 +241,7 @@ def test_a_place_that_nobody_filled_in_is_none() -> None:
     topic, batch, turn = Ros2(parsed("ros2://pose")), Batch(), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
     for x in (0.0, 0.4):
         message = SimpleNamespace(position=SimpleNamespace(x=x, y=0.0, z=0.0), orientation=turn)
-        topic.take(message, 1.0, batch)
+        topic.feed(message, 1.0, batch)
     assert [sample.position for sample in batch.samples] == [None, (0.4, 0.0, 0.0)]
     assert [sample.orientation for sample in batch.samples] == [(0.0, 0.0, 0.0, 1.0)] * 2
 

@@ -27,13 +27,13 @@ from ...recording.tables.write import JUDGEMENT, NAMES, columns_of, csv_lines, q
 from ...samples.samples import LARGEST_READING
 from ..sink import Turn
 from ..uri import Uri
-from .growing import Growing, GrowingMcap, GrowingParquet, GrowingText, Message, text_message
+from .growing import GrowingMcap, GrowingParquet, GrowingText, Message, text_message
 
 PORTION, EVERY = 0.05, 0.5
 """s of turns that become messages at once, as the worker waits meanwhile; between two writes: half of what may be lost,
 and what the rows of a table are made of, as their positions lie between poses.
 """
-FORMATS: dict[str, type[Growing]] = {".csv": GrowingText, ".parquet": GrowingParquet, ".mcap": GrowingMcap}
+FORMATS: dict[str, Any] = {".csv": GrowingText, ".parquet": GrowingParquet, ".mcap": GrowingMcap}
 CONTACT = ("free", "in contact", "contact not judged")
 """By the code of `ContactWrenches.contact`, of which -1 is the last place."""
 RAW_NAMES = ("t", *WRENCH_COLUMNS, "qx", "qy", "qz", "qw", *POSITION, FLAW)
@@ -59,14 +59,14 @@ class GrowingFile(ABC):
         self._kept: list[Turn] = []
         self._unwritten, self._more = 0, False
         self._added = self._wrote = monotonic()
-        self._file: Growing | None = None
+        self._file: Any = None
 
     def open(self) -> None:
         """Raises `FileAccessError`, and `MissingExtraError` without pyarrow or mcap."""
         with cause_named(self._path):
             file_of(self._path)
             self._file = self._kind(self._path)
-            if isinstance(self._file, GrowingText):
+            if self._kind is GrowingText:
                 self._file.add([",".join(self.NAMES) + "\n"])  # comes with the first rows, or the end
 
     def write(self, turn: Turn) -> None:
@@ -104,16 +104,9 @@ class GrowingFile(ABC):
         rows = self._rows_of(turn)
         self._more = True
         self.dropped += rows
+        content = {GrowingText: self._lines, GrowingParquet: self._columns, GrowingMcap: self._messages}[self._kind]
         with cause_named(self._path):
-            match self._file:
-                case GrowingMcap():
-                    self._file.add(self._messages(turn))
-                case GrowingParquet():
-                    columns = self._columns(turn)  # of poses alone none, but a Recorder keeps where they were
-                    if rows:
-                        self._file.add(columns)
-                case GrowingText():
-                    self._file.add(self._lines(turn))
+            self._file.add(content(turn))  # of poses alone no rows, but a Recorder keeps where they were
         self.dropped, self._unwritten = self.dropped - rows, self._unwritten + rows
 
     def _write(self) -> None:

@@ -110,7 +110,8 @@ class GrowingParquet:
         """Rows."""
         import pyarrow as pa
 
-        self._tables.append(pa.table(columns))
+        if (table := pa.table(columns)).num_rows:
+            self._tables.append(table)
 
     def write(self) -> None:
         """Write the part that the rows belong to, beside its place, and rename it."""
@@ -173,6 +174,3 @@ class GrowingMcap:
         channel: int = self._writer.register_channel(topic, "cdr", self._schemas[kind])
         self._channels[topic] = channel
         return channel
-
-
-Growing: TypeAlias = GrowingText | GrowingParquet | GrowingMcap

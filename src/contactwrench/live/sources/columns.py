@@ -14,14 +14,15 @@ import numpy as np
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import to_quat_xyzw
 from ...geometry.quaternions import unit
-from ...recording.tables.columns import Column, Naming, OpenTable, places_of
+from ...recording.tables.columns import WRENCH_COLUMNS, Column, Naming, OpenTable, places_of
+from ...recording.tables.header import Header
 from ...recording.tables.orientations import orientation_columns
 from ...recording.tables.roles import roles_beside, wrench_columns
 from ...recording.tables.table import in_seconds
 from ..counter import SLACK, Counter
 from ..source import Batch, Four, Note, NoteKind, Sample, Six, Three
 
-NO_NUMBER = "broken: no number"
+NO_NUMBER, WITHOUT = "broken: no number", "a line without a whole orientation"
 LEAPS = 10
 """Lines in a row whose times are further apart than they can be: one is a clock that was set."""
 
@@ -35,21 +36,27 @@ class NamedColumns:
         table = OpenTable("the line", places_of(names, "the line"), partial(iter, ()))
         self.width = len(table.places)
         wrench: list[Column] = []
+        self.lacks: dict[str, str] = {}
+        """Why there is no `wrench`, or no `orientation`, though there are columns for one."""
         self._convention, angles = None, list[Column]()
-        with suppress(FileFormatError):
+        try:
             wrench = wrench_columns(table, naming)
-        with suppress(FileFormatError) if wrench else nullcontext():
+        except FileFormatError as error:
+            if Header.of(table, naming).candidates.keys() >= set(WRENCH_COLUMNS):
+                self.lacks["wrench"] = str(error).removeprefix("the line: ").replace("--units ", "units=")
+        with suppress(FileFormatError) if wrench or self.lacks else nullcontext():
             self._convention, angles = orientation_columns(table, naming)
         roles = roles_beside(table, naming, wrench, self._convention, angles)
         self._roles, self._counter = roles, Counter(1e-6, step=round(1e6 / rate) if rate else None, learns=True)
         self._first: float | None = None
+        self._told = ""
         self._per_s, self._leaps, self._before = 0.0, 0, (inf, inf)
 
     def samples(self, rows: list[Sequence[float]], arrival: float, batch: Batch) -> None:
         """Put the rows into the batch; what is NaN in them is not there."""
         roles = self._roles
-        turns = self._turns(rows) if roles.orientation else [None] * len(rows)
-        for row, turn in zip(rows, turns, strict=True):
+        turns = self._turns(rows) if roles.orientation else [(None, "")] * len(rows)
+        for row, (turn, why) in zip(rows, turns, strict=True):
             device = sum(_in_si(row, roles.t)) if roles.t else nan
             if self._per_s == 0.0 and 0.0 < device < inf:  # the first may have no time
                 self._per_s = device / float(np.asarray(in_seconds(np.array([_in_si(row, roles.t)]), roles.t))[0])
@@ -71,8 +78,10 @@ class NamedColumns:
                 batch.samples.append(Sample(arrival, device, wrench, turn, position, flaw=flaw))
             elif reading:  # the sender has lost one, and goes on
                 batch.samples.append(Sample(arrival, device, cast(Six, reading), flaw=NO_NUMBER))
-            else:
-                batch.notes.append(Note(NoteKind.GARBAGE, "a line without a whole orientation"))
+            none = why or ("" if turn or reading else self.lacks.get("wrench", WITHOUT))
+            if none and (none != self._told or not reading):  # a reading is used all the same
+                batch.notes.append(Note(NoteKind.GARBAGE, none))
+            self._told = none
 
     def _leap(self, device: float, arrival: float) -> str:
         """What is wrong with times that go on in another unit than s, which no clock does; else an empty text."""
@@ -84,19 +93,23 @@ class NamedColumns:
             return ""
         return f"broken: t goes on by {passed:.3g} s a line, expected s: name its unit, as t_ms, t_us or t_ns"
 
-    def _turns(self, rows: list[Sequence[float]]) -> list[Four | None]:
+    def _turns(self, rows: list[Sequence[float]]) -> list[tuple[Four | None, str]]:
+        """The orientations of rows; None where there is none, and why, where numbers are there for one."""
         values = [_in_si(row, self._roles.orientation) for row in rows]
         there = [all(map(isfinite, each)) for each in values]
         if self._convention is None or not any(there):
-            return [None] * len(rows)
-        if self._convention.name == "quat_xyzw":
-            return [cast(Four, q) if unit(cast(Four, q)) else None for q in values]
+            return [(None, "")] * len(rows)
+        if self._convention.name == "quat_xyzw" and all(map(unit, compress(cast(list[Four], values), there))):
+            return [(cast(Four, q) if fine else None, "") for q, fine in zip(values, there, strict=True)]
         try:
             matrices = self._convention.to_matrices(np.array(list(compress(values, there))))
-        except InputError:  # of one of them
-            return [None] if len(rows) == 1 else [turn for row in rows for turn in self._turns([row])]
+        except InputError as error:  # of one of them
+            if len(rows) > 1:
+                return [turn for row in rows for turn in self._turns([row])]
+            self.lacks["orientation"] = str(error).replace("orientation 0", "the orientation")
+            return [(None, self.lacks["orientation"])]
         quaternions = iter(to_quat_xyzw(matrices).tolist())
-        return [cast(Four, tuple(next(quaternions))) if fine else None for fine in there]
+        return [(cast(Four, tuple(next(quaternions))) if fine else None, "") for fine in there]
 
 
 def _in_si(row: Sequence[float], columns: tuple[Column, ...]) -> tuple[float, ...]:

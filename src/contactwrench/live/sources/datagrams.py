@@ -76,12 +76,13 @@ class Udp(Link):
             with suppress(OSError):
                 self._socket.sendto(data, self._sender)
 
-    def _received(self) -> list[bytes]:
+    def _received(self, timeout: float) -> list[bytes]:
         came: list[tuple[bytes, Any]] = []
         try:
             while len(came) < MOST:
+                self._socket.settimeout(0.0 if came else timeout)
                 came.append(self._socket.recvfrom(MOST_BYTES))
-        except (BlockingIOError, ConnectionResetError):
+        except (TimeoutError, BlockingIOError, ConnectionResetError):
             pass
         except ConnectionRefusedError:
             if not came:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import re
-import selectors
 from struct import Struct
 from time import monotonic
 
@@ -123,7 +122,7 @@ class Serial(StandardInput):
             found = f"no serial line ({str(error.args[-1]).lower()})"
             raise self.error(found, self._device, "check its path, and that you may use it (group dialout)") from None
         with self._lock:
-            self._use(line, selectors.DefaultSelector())
+            self._use(line)
 
     def send(self, data: bytes) -> None:
         """Send a few bytes."""

@@ -71,6 +71,11 @@ class LinesDecoder:
         if kind is not None:
             kind.samples(rows, arrival, batch)
 
+    @property
+    def lacks(self) -> dict[str, str]:
+        """Why lines have no `wrench`, or no `orientation`, though they have columns for one."""
+        return {what: why for kind in self._kinds.values() for what, why in kind.lacks.items()}
+
     def _row(self, line: bytes) -> tuple[NamedColumns | None, Sequence[float]]:
         """The numbers of a line and what they are; nothing of a header or comment. Raises `ValueError`."""
         if line.startswith(b"{"):
@@ -173,6 +178,8 @@ class _Lines(Reader[AnyLink]):
         try:
             early = self._first(deadline, self._silent)
         except DeviceError:
+            for why in decoder.lacks.values():
+                raise DeviceError(f"{self.uri}: {why}") from None
             if not (line := (decoder.refused or decoder.rest)[:SHOWN]):
                 raise
             found = f"the line '{visible(line.decode('latin-1'))}'"
@@ -185,7 +192,8 @@ class _Lines(Reader[AnyLink]):
                     decoder.feed(data, now(), early)
         wrench, orientation = _any(early, "wrench"), _any(early, "orientation")
         name = f"lines of {self.uri.partition('?')[0]}"
-        settings = {"pose": TAKEN_FOR_THE_FLANGE} if orientation else {}
+        settings = {f"no {what}": why for what, why in decoder.lacks.items() if not _any(early, what)}
+        settings |= {"pose": TAKEN_FOR_THE_FLANGE} if orientation else {}
         return About(name, wrench, orientation, self._rate, settings=settings, listens=self.WHOLE)
 
     def _silent(self) -> DeviceError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from http.client import HTTPConnection, HTTPException
-from math import inf, nan
+from math import inf
 from re import search
 from socket import SHUT_RDWR
 from struct import Struct
@@ -15,7 +15,7 @@ from typing import TypeAlias
 from ...recording.tables.units import per_si, unit_of
 from ..counter import Counter
 from ..source import About, Batch, DeviceError, Note, NoteKind, Sample
-from ..uri import Uri
+from ..uri import Uri, number_in
 from .datagrams import Udp
 from .reader import Reader
 
@@ -144,7 +144,7 @@ class NetFt(Reader[Udp]):
         """
         page, address = self._page()
         name = _text(page, "prodname") or "Net F/T"
-        rate = _number(next(filter(None, (_text(page, tag) for tag in RATES)), ""))
+        rate = number_in(next(filter(None, (_text(page, tag) for tag in RATES)), ""))
         counts = self._counts(page, "force", "cfgcpf", "scfgfu"), self._counts(page, "torque", "cfgcpt", "scfgtu")
         if not 0.0 < rate < inf:
             raise self._link.error("no rate on the page", RATES[0], "set the RDT rate on the box's page")
@@ -172,21 +172,13 @@ class NetFt(Reader[Udp]):
         """Counts of one N or N m."""
         number, spelled = _text(page, of), _text(page, unit)
         kilo = quantity == "force" and spelled.lower().startswith("klb")  # the only unit of ATI's that no table has
-        counts, known = _number(number), unit_of(quantity, spelled[1:] if kilo else spelled)
+        counts, known = number_in(number), unit_of(quantity, spelled[1:] if kilo else spelled)
         if known is None or not 0.0 < counts < inf:
             expected = f"counts of a unit of {quantity}"
             do = f"set its {quantity} units to {'N' if quantity == 'force' else 'N-m'} on its page"
             found = f"{number or 'nothing'} per {spelled or 'nothing'}"
             raise self._link.error(found, expected, "set it on its page" if known else do)
         return counts * per_si(quantity, known) / (1e3 if kilo else 1.0)
-
-
-def _number(text: str) -> float:
-    """What a text of the page says; NaN where that is no number."""
-    try:
-        return float(text)
-    except ValueError:
-        return nan
 
 
 def _text(page: str, tag: str) -> str:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from ..source import Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .transport import Deadline, Link
 
-LOOK = 0.1
-"""s that a read waits for the first samples."""
 NOT_A_STREAM = 100_000
 """Bytes without a sample after which what comes is no stream of the device."""
 ZEROED = "the box was told to zero itself: its bias is not the sensor's"
@@ -26,7 +24,7 @@ that may touch something, and with a calibration that knows the first zero.
 class Decoder(Protocol):
     """Bytes to samples."""
 
-    def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
+    def feed(self, data: Any, arrival: float, batch: Batch) -> None:
         """Put what is whole into the batch, and keep the rest."""
 
 
@@ -70,7 +68,7 @@ class Reader(Generic[AnyLink]):
         arrival = now()
         for each in data:
             self._decoder.feed(each, arrival, batch)
-            self._unread += len(each)
+            self._unread += len(each) if isinstance(each, bytes) else 0
         if batch.samples:
             self._unread = 0
         elif self._unread > NOT_A_STREAM:
@@ -97,7 +95,7 @@ class Reader(Generic[AnyLink]):
         while len(early.samples) < number:
             if not deadline.left:
                 raise missing()
-            early.add(self.read(min(deadline.left, LOOK)))
+            early.add(self.read(deadline.left))
             self._unread = 0  # the deadline says it better
         self._early = early
         return early

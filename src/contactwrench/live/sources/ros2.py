@@ -6,25 +6,25 @@ import os
 from collections import deque
 from importlib import import_module
 from math import nan
-from threading import Event, Lock
 from time import sleep
 from typing import Any
 
 from ...errors import MissingExtraError
 from ..counter import Counter
-from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Four, NobodyYetError, Sample, Six, Three, now
+from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Four, NobodyYetError, Sample, Six, Three
 from ..uri import Uri
-from .transport import LISTENS, Deadline
+from .reader import Reader
+from .transport import LISTENS, Driver
 
 WRENCHES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench")
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/Pose")
 DEPTH = 1_000
 """Messages that wait for a reader which is late."""
 STEP = 0.05
-"""s for which a wait cannot be ended from another thread."""
+"""s from one look for a publisher to the next."""
 
 
-class Ros2:
+class Ros2(Reader[Driver]):
     """A topic."""
 
     FORM = "ros2://TOPIC"
@@ -35,19 +35,17 @@ class Ros2:
     RATE = "the publisher's"
     TESTED = "rosless 0.5 to rosless; rclpy of Kilted"
 
+    any_thread = False
+
     def __init__(self, uri: Uri) -> None:
-        uri.only()
-        self.uri = uri.text
+        super().__init__(uri, Driver(uri.text, "topic"))
         self._topic = "/" + uri.text.partition("?")[0].partition("://")[2].strip("/")
-        self._subscription: _Rosless | _Rclpy | None = None
-        self._closed, self._lock = Event(), Lock()
 
     def open(self) -> About:
         """As `Source`; it waits for a publisher."""
-        self._closed.clear()
         made, by = self._made()
-        with self._lock:
-            self._subscription = made
+        self._link.start(made)
+        self._begin(self)
         if not made.type_name:
             raise self._nobody()
         if made.type_name not in WRENCHES + POSES:
@@ -57,37 +55,15 @@ class Ros2:
         settings = {"message": made.type_name, "by": by} | ({} if wrench else {"pose": TAKEN_FOR_THE_FLANGE})
         return About(f"ROS 2 topic {self._topic}", wrench, not wrench, settings=settings)
 
-    def read(self, timeout: float) -> Batch:
-        """As `Source`."""
-        batch, deadline = Batch(), Deadline(timeout)
-        messages: list[Any] = []
-        while not messages and not self._closed.is_set():
-            with self._lock:
-                messages = self._subscription.take(min(STEP, deadline.left)) if self._subscription else []
-            if not deadline.left:
-                break
-        arrival = now()
-        for message in messages:
-            self.take(message, arrival, batch)
-        return batch
-
-    def close(self) -> None:
-        """As `Source`."""
-        self._closed.set()
-        with self._lock:
-            made, self._subscription = self._subscription, None
-            if made is not None:
-                made.close()
-
-    def take(self, message: Any, arrival: float, batch: Batch) -> None:
+    def feed(self, data: Any, arrival: float, batch: Batch) -> None:
         """Put what a message says into the batch."""
         device = nan
-        if (header := getattr(message, "header", None)) is not None and (header.stamp.sec or header.stamp.nanosec):
+        if (header := getattr(data, "header", None)) is not None and (header.stamp.sec or header.stamp.nanosec):
             device = header.stamp.sec + 1e-9 * header.stamp.nanosec
             count = header.stamp.sec * 1_000_000 + header.stamp.nanosec // 1_000
             if self._counter.take(count, arrival, batch) is None:
                 return
-        inner = getattr(message, "wrench", None) or getattr(message, "pose", message)
+        inner = getattr(data, "wrench", None) or getattr(data, "pose", data)
         if hasattr(inner, "force"):
             f, t = inner.force, inner.torque
             wrench: Six = (f.x, f.y, f.z, t.x, t.y, t.z)
@@ -121,7 +97,7 @@ class Ros2:
         return NobodyYetError(str(self._error("nobody who publishes it yet", "check the topic and ROS_DOMAIN_ID")))
 
     def _error(self, found: str, do: str) -> DeviceError:
-        return DeviceError(f"{self.uri}: found {found}, expected {' or '.join(WRENCHES + POSES)}: {do}")
+        return self._link.error(found, " or ".join(WRENCHES + POSES), do)
 
 
 class _Rosless:
@@ -162,8 +138,7 @@ class _Rclpy:
         self._messages.append(message)
 
     def _discovered(self, topic: str) -> str:
-        deadline = Deadline(LISTENS)
-        while deadline.left:
+        for _ in range(round(LISTENS / STEP)):
             if types := dict(self._node.get_topic_names_and_types()).get(topic):
                 return str(types[0])
             sleep(STEP)

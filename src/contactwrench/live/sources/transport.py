@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import errno
 import os
-import selectors
 import socket
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
+from select import select
 from threading import Lock
 from time import monotonic
 from typing import Any
@@ -29,6 +29,8 @@ LISTENS = 2.5
 BUFFER = 1 << 22
 """Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
 MOST_BYTES = 1 << 16
+LOOK = 0.1
+"""s that a wait lasts at most: so long `close` waits for it."""
 NO_ANSWER = "no answer"
 REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: NO_ANSWER}
 
@@ -54,21 +56,19 @@ class Link(ABC):
 
     def __init__(self, uri: str, device: str) -> None:
         self._uri, self._device = uri, device
-        self._lock, self._closings = Lock(), 0
+        self._lock, self._closings, self._is_closing = Lock(), 0, False
         self._socket: Any = None
-        self._waker: socket.socket | None = None
-        self._woken: socket.socket | None = None
-        self._selector: selectors.BaseSelector | None = None
-        self._awaited = 0
 
-    def receive(self, timeout: float) -> list[bytes]:
-        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: the connection is cut."""
+    def receive(self, timeout: float) -> list[Any]:
+        """What has come; nothing in silence, `LOOK` s at most, and after `close`. Raises `DeviceError`: it is cut."""
+        if self._is_closing:  # whose turn it is with the lock
+            return []
         with self._lock:
-            return self._received() if self._ready(selectors.EVENT_READ, timeout) else []
+            return [] if self._socket is None else self._received(min(timeout, LOOK))
 
     @abstractmethod
-    def _received(self) -> list[bytes]:
-        """What can be read. The lock is held."""
+    def _received(self, timeout: float) -> list[Any]:
+        """What can be read within the time. The lock is held."""
 
     def send(self, data: bytes) -> None:
         """To the device that it is connected to; what is lost is lost. Raises `DeviceError` where that can be known."""
@@ -82,10 +82,7 @@ class Link(ABC):
 
     def close(self) -> None:
         """Close; nothing is left. Also twice, and before it was open."""
-        self._closings += 1
-        if (waker := self._waker) is not None:
-            with suppress(OSError):
-                waker.send(b"\0")
+        self._closings, self._is_closing = self._closings + 1, True
         with self._lock:
             self._drop()
 
@@ -111,18 +108,15 @@ class Link(ABC):
         """What is raised where a source listens and nobody has sent yet."""
         return NobodyYetError(str(self.error(f"{place} open and nobody who sends yet", expected, do)))
 
-    def _use(self, made: Any, selector: selectors.BaseSelector) -> None:
+    def _use(self, made: Any) -> None:
         """Take a socket, or a file. The lock is held."""
         self._drop()
-        self._woken, self._waker = socket.socketpair()
-        self._socket, self._selector = made, selector
-        self._selector.register(self._woken, selectors.EVENT_READ)
+        self._socket, self._is_closing = made, False
 
     def _use_socket(self, family: int, kind: int) -> socket.socket:
         made = socket.socket(family, kind)
-        made.setblocking(False)
         made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
-        self._use(made, selectors.DefaultSelector())
+        self._use(made)
         return made
 
     def addresses(self, host: str, port: int, kind: int = 0) -> list[Any]:
@@ -134,22 +128,10 @@ class Link(ABC):
         except (OSError, UnicodeError):
             raise self.error(f"no host {host}", f"the {self._device}", "check the name, or write its address") from None
 
-    def _ready(self, events: int, timeout: float) -> bool:
-        """Whether the socket can be used within the time; not where it is closed meanwhile. The lock is held."""
-        if self._selector is None or self._socket is None:
-            return False
-        if self._awaited != events:
-            (self._selector.modify if self._awaited else self._selector.register)(self._socket, events)
-            self._awaited = events
-        ready = self._selector.select(timeout)
-        return len(ready) == 1 and ready[0][0].fileobj is self._socket
-
     def _drop(self) -> None:
-        for each in (self._selector, self._socket, self._waker, self._woken):
-            if each is not None:
-                each.close()
-        self._socket = self._waker = self._woken = self._selector = None
-        self._awaited = 0
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
 
 
 class Tcp(Link):
@@ -176,10 +158,11 @@ class Tcp(Link):
         except OSError as error:
             raise self._cut(error) from None
 
-    def _received(self) -> list[bytes]:
+    def _received(self, timeout: float) -> list[bytes]:
+        self._socket.settimeout(timeout)
         try:
             data = self._socket.recv(MOST_BYTES)
-        except BlockingIOError:
+        except (TimeoutError, BlockingIOError):
             return []
         except OSError as error:
             raise self._cut(error) from None
@@ -191,19 +174,31 @@ class Tcp(Link):
         """An empty text, or why not."""
         with self._lock:
             made = self._use_socket(family, kind)
-            status = made.connect_ex(address)
-            if status in (errno.EINPROGRESS, errno.EWOULDBLOCK):
-                ready = self._ready(selectors.EVENT_WRITE, min(deadline.left, TO_CONNECT))
-                status = made.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) if ready else errno.ETIMEDOUT
-            if status:
+            made.settimeout(min(deadline.left, TO_CONNECT))
+            try:
+                made.connect(address)
+                made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            except OSError as error:
                 self._drop()
+                status = error.errno or errno.ETIMEDOUT
                 return REASONS.get(status) or os.strerror(status).lower()
-            made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             return ""
 
     def _cut(self, error: OSError | None) -> DeviceError:
         why = f" ({(error.strerror or str(error)).lower()})" if error is not None else ""
         return self.error(f"the connection closed{why}", "samples", f"check the {self._device} and its cable")
+
+
+class Driver(Link):
+    """A library's own object, which gives what has come by `take(timeout)`, and has a `close`."""
+
+    def start(self, made: Any) -> None:
+        """Begin with it."""
+        with self._lock:
+            self._use(made)
+
+    def _received(self, timeout: float) -> list[Any]:
+        return list(self._socket.take(timeout))
 
 
 class StandardInput(Link):
@@ -214,9 +209,11 @@ class StandardInput(Link):
         if sys.stdin is None:
             raise self._ended()
         with self._lock:
-            self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0), selectors.SelectSelector())
+            self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0))
 
-    def _received(self) -> list[bytes]:
+    def _received(self, timeout: float) -> list[bytes]:
+        if not select([self._socket], [], [], timeout)[0]:
+            return []
         try:
             data = self._socket.read(MOST_BYTES)
         except OSError:  # of a line that was pulled out
