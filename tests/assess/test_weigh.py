@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import HeldObject, weigh
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import InputError
@@ -157,6 +158,28 @@ def test_orientations_that_are_a_bit_off_turn_the_object_too(seen: bool) -> None
     assert np.sqrt(np.mean(np.square(z_mass))) < 1.6
     assert np.sqrt(np.mean(np.square(z_com))) < 1.6
     assert moved >= 5
+
+
+def test_gain_and_cross_talk_seen_while_calibrating_misread_the_object_too() -> None:
+    """A percent of every element of the sensor's matrix, and an object three times as heavy as the tool."""
+    doubted, z = 0, []
+    for seed in range(10):
+        rig, R, rng = example(400 + seed, poses=16)
+        lever = np.repeat([1.0, 0.05], 3)
+        matrix = np.eye(6) + 0.01 * rng.normal(size=(6, 6)) * lever[:, None] / lever
+        rig = replace(rig, weight=10.0, bias=np.zeros(6))
+        free = readings(rig, R) @ matrix.T + NOISE * rng.normal(size=(16, 6))
+        at = random_rotations(5, rng)
+        wrench = _holding(rig, 3.0, COM, at) @ matrix.T + NOISE * rng.normal(size=(5, 6))
+        calibration = cw.calibrate(cw.Samples(free, R), "mount")
+        held = weigh(calibration, cw.Samples(wrench, at))
+        doubted += any(finding.kind is Kind.POOR_FIT for finding in held.findings)
+        loads = cw.Samples(wrench, at, load_mass=np.full(5, 3.0))
+        (known,) = verify(calibration, loads).weighings
+        z += [(held.mass - 3.0) / held.mass_std, (known.weighed - 3.0) / known.std]
+        assert held.mass_std < 0.15
+    assert doubted <= 4
+    assert np.sqrt(np.mean(np.square(z))) < 1.6
 
 
 def test_std_counts_what_the_poses_share() -> None:
