@@ -279,6 +279,20 @@ def test_the_program_refuses_what_no_object_is(tmp_path: Path, capsys: pytest.Ca
     assert ("\n  mass " in done.out) == (mass > 0.0)
 
 
+@pytest.mark.parametrize(("factor", "refused"), [(-1.0, True), (1.0 / 4.4482, True), (1.0, False)])
+def test_readings_of_another_sign_or_unit_are_no_zero_that_moved(factor: float, refused: bool) -> None:
+    """As no zero makes a mass of them; one that did move is said to have."""
+    for seed in range(6):
+        rig, R, rng = example(500 + seed, 16)
+        calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+        at = random_rotations(4, rng)
+        samples = _noisy_holding(rig, 0.2 * rig.weight, COM, at, rng)
+        moved = np.zeros(6) if refused else 20.0 * NOISE
+        held = weigh(calibration, cw.Samples(factor * samples.wrench + moved, at))
+        kinds = [finding.kind for finding in held.findings if finding.severity is not Severity.NOTE]
+        assert kinds == [Kind.NEGATIVE_MASS if refused else Kind.BIAS_SHIFTED]
+
+
 def _tilted(rng: np.random.Generator, poses: int, deg: float) -> Array:
     """Orientations (n, 3, 3) about a random one, within so many degrees."""
     turns = rng.normal(size=(poses, 3))

@@ -240,7 +240,10 @@ def _doubts(
 ) -> Iterator[Finding]:
     """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero."""
     distance = 0.0 if com is None else float(np.linalg.norm(com))
-    if mass < -surely:
+    moved = own.moved.probability < 0.5 * SIGNIFICANCE
+    by_zero = moved and test.readings > 6 and own.rest.probability >= SIGNIFICANCE
+    below_with_any = by_zero and own.mass < -surely / std * own.std
+    if mass < -surely or below_with_any:
         text = (
             "the mass is below zero: the tool is lighter than when it was calibrated, the sign of the readings differs "
             "(--sign), or the calibration is another tool's"
@@ -271,8 +274,9 @@ def _doubts(
             "before, or tilt it further"
         )
         yield Finding(Kind.UNCONFIRMED, Severity.NOTE, text)
-    moved = own.moved.probability < 0.5 * SIGNIFICANCE
-    if moved and test.readings > 6 and own.rest.probability >= SIGNIFICANCE:
+    if below_with_any:
+        return
+    if by_zero:
         told = f"tell {' +- '.join(meaningful_digits(1e3 * own.mass, 1e3 * own.std))} g"
         text = (
             f"the zero is another one than the calibration's (probability {percent(own.moved.probability)}): with any "
