@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import HeldObject, weigh
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import InputError
@@ -159,6 +160,28 @@ def test_orientations_that_are_a_bit_off_turn_the_object_too(seen: bool) -> None
     assert moved >= 5
 
 
+def test_gain_and_cross_talk_seen_while_calibrating_misread_the_object_too() -> None:
+    """A percent of every element of the sensor's matrix, and an object three times as heavy as the tool."""
+    doubted, z = 0, []
+    for seed in range(10):
+        rig, R, rng = example(400 + seed, poses=16)
+        lever = np.repeat([1.0, 0.05], 3)
+        matrix = np.eye(6) + 0.01 * rng.normal(size=(6, 6)) * lever[:, None] / lever
+        rig = replace(rig, weight=10.0, bias=np.zeros(6))
+        free = readings(rig, R) @ matrix.T + NOISE * rng.normal(size=(16, 6))
+        at = random_rotations(5, rng)
+        wrench = _holding(rig, 3.0, COM, at) @ matrix.T + NOISE * rng.normal(size=(5, 6))
+        calibration = cw.calibrate(cw.Samples(free, R), "mount")
+        held = weigh(calibration, cw.Samples(wrench, at))
+        doubted += any(finding.kind is Kind.POOR_FIT for finding in held.findings)
+        loads = cw.Samples(wrench, at, load_mass=np.full(5, 3.0))
+        (known,) = verify(calibration, loads).weighings
+        z += [(held.mass - 3.0) / held.mass_std, (known.weighed - 3.0) / known.std]
+        assert held.mass_std < 0.15
+    assert doubted <= 4
+    assert np.sqrt(np.mean(np.square(z))) < 1.6
+
+
 def test_std_counts_what_the_poses_share() -> None:
     """Thousands of poses average the readings' noise, not the calibration's errors."""
     rig, R, rng = example(4, poses=8)
@@ -254,6 +277,20 @@ def test_the_program_refuses_what_no_object_is(tmp_path: Path, capsys: pytest.Ca
     assert json.loads(values.out)["refused"] == held.refused == (mass < 0.0)
     assert (f"REFUSED  {held.warnings[0]}" == done.out.splitlines()[-1]) if mass < 0.0 else "REFUSED" not in done.out
     assert ("\n  mass " in done.out) == (mass > 0.0)
+
+
+@pytest.mark.parametrize(("factor", "refused"), [(-1.0, True), (1.0 / 4.4482, True), (1.0, False)])
+def test_readings_of_another_sign_or_unit_are_no_zero_that_moved(factor: float, refused: bool) -> None:
+    """As no zero makes a mass of them; one that did move is said to have."""
+    for seed in range(6):
+        rig, R, rng = example(500 + seed, 16)
+        calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+        at = random_rotations(4, rng)
+        samples = _noisy_holding(rig, 0.2 * rig.weight, COM, at, rng)
+        moved = np.zeros(6) if refused else 20.0 * NOISE
+        held = weigh(calibration, cw.Samples(factor * samples.wrench + moved, at))
+        kinds = [finding.kind for finding in held.findings if finding.severity is not Severity.NOTE]
+        assert kinds == [Kind.NEGATIVE_MASS if refused else Kind.BIAS_SHIFTED]
 
 
 def _tilted(rng: np.random.Generator, poses: int, deg: float) -> Array:

@@ -189,6 +189,22 @@ def test_something_picked_up_after_the_stops_is_said_and_counts_little() -> None
     assert np.abs(_off(found, pushed())).max() < OFTEN
 
 
+def test_a_tool_that_weighs_otherwise_in_motion_is_not_that_of_the_stops() -> None:
+    """By 5 %, which leave too little to be seen as a contact."""
+    assert not _of_kind(calibrated(), Kind.CONTRADICTS_PRIOR)
+    samples, bias = pushed().samples(), np.array(pushed().settings.sensor.bias)
+    found = with_motion(at_stops(), replace(samples, wrench=bias + 1.05 * (samples.wrench - bias)), None)
+    (said,) = _of_kind(found, Kind.CONTRADICTS_PRIOR)
+    assert said.severity is Severity.DOUBTFUL
+    weights = r"doubtful: in motion the tool weighs (\S+) N, at the stops (\S+) \+- \S+ N: "
+    told = re.fullmatch(
+        weights + "another tool, or something gripped or lost in between: record stops and motion of one tool",
+        said.text,
+    )
+    assert told is not None
+    assert float(told[1]) == pytest.approx(1.05 * float(told[2]), rel=0.03)
+
+
 def test_a_slow_filter_in_the_sensor_is_said_and_moves_little() -> None:
     """Of first order at 8 Hz, whose 20 ms are known as a delay."""
     from scipy.signal import lfilter

@@ -1,10 +1,11 @@
-"""An orientation that the robot has a bit off turns what hangs on the sensor: the more, the heavier the load."""
+"""A load turns with an orientation that is a bit off, and a sensor misreads it: the more, the heavier it is."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..calibration.observability import LEVER
 from ..estimation.variance_components import USUAL
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
@@ -37,6 +38,19 @@ def largest_turn(calibration: Calibration) -> float:
     if calibration.orientation_std is not None:
         return calibration.orientation_std
     return min(float(np.sqrt(np.mean(calibration.noise[:3] ** 2))) / max(weight_scale(calibration.B), 1e-300), USUAL)
+
+
+def of_gain(calibration: Calibration, wrench: Array) -> Array:
+    """What the sensor's gain and cross-talk, as far off as calibrating saw them in the force of the tool's weight, make
+    of the wrenches (n, 6) of a load, alike in all: (n, 6, 36) as independent parts of unit size.
+    """
+    if calibration.gain_covariance is None:
+        return np.zeros((len(wrench), 6, 0))
+    of_force = np.diag(calibration.gain_covariance).reshape(6, 4)[:3, :3]
+    share = np.sqrt(max(float(np.mean(of_force)), 0.0)) / weight_scale(calibration.B)
+    unit = np.repeat([1.0, LEVER], 3)
+    each = np.einsum("ab,nc->nabc", share * np.diag(unit), wrench / unit)
+    return np.asarray(each.reshape(len(wrench), 6, 36))
 
 
 def whitening(

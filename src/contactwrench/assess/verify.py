@@ -23,8 +23,8 @@ from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, G
 from ..samples.poses import Pose, names_of
 from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
-from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings
-from .turned_load import gravity_in_sensor
+from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings, square_root
+from .turned_load import gravity_in_sensor, of_gain
 
 
 @dataclass(frozen=True)
@@ -232,8 +232,8 @@ def _weigh(
 ) -> tuple[tuple[Weighing, ...], MisfitTest | None]:
     """Each load's weighing, and the joint test of all of them."""
     masses, stream = np.unique(load[load > 0.0]), is_stream(samples)
-    of_load = [resting_poses(samples.select(load == mass), stream) for mass in masses]
-    poses = tuple(chain.from_iterable(of_load))
+    held = [resting_poses(samples.select(load == mass), stream) for mass in masses]
+    poses = tuple(chain.from_iterable(held))
     if not poses:
         return (), None
     R = np.array([pose.R_base_flange for pose in poses])
@@ -242,14 +242,16 @@ def _weigh(
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     each = np.einsum("ni,ni->n", contact[:, :3], down) / g
     noise = np.sum(down**2 * reading_variance(calibration, poses)[:, :3], axis=1) / g**2
-    J = np.einsum("ni,nip->np", down, calibration.error_jacobian(R)[:, :3]) / g
-    actual = np.repeat(masses, [len(held) for held in of_load])
+    actual = np.repeat(masses, [len(each) for each in held])
+    of_load = of_gain(calibration, contact)
+    of_tool = calibration.error_jacobian(R) @ square_root(calibration.error_covariance)
+    J = np.einsum("ni,nip->np", down, np.concatenate([of_tool, of_load], axis=2)[:, :3]) / g
     weighings = []
     for mass in masses:
         rows = actual == mass
         n = int(np.sum(rows))
         of_mean = J[rows].mean(axis=0)
-        variance = noise[rows].mean() / n + of_mean @ calibration.error_covariance @ of_mean
+        variance = noise[rows].mean() / n + of_mean @ of_mean
         weighings.append(Weighing(float(mass), float(each[rows].mean()), float(np.sqrt(variance)), n))
-    misfit = float(products_of_readings((each - actual)[:, None], noise, J, calibration.error_covariance)[0, 0])
+    misfit = float(products_of_readings((each - actual)[:, None], noise, J, np.eye(J.shape[1]))[0, 0])
     return tuple(weighings), MisfitTest(misfit, len(poses), noise_dof(calibration))

@@ -27,7 +27,7 @@ from ..samples.poses import SAME_POSE_ANGLE
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, meaningful_digits, percent, square_root, two_digits
-from .turned_load import down_in_sensor, largest_turn, whitening
+from .turned_load import down_in_sensor, largest_turn, of_gain, whitening
 
 THREE_STD = 0.9973
 """Level of three standard deviations of a normal distribution: a mass nearer to zero is none."""
@@ -127,7 +127,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         x = np.zeros(gravity.shape[2])
         for _ in range(PASSES):
             of_object = g * np.concatenate([x[0] * turned, cross_matrix(across @ x[1:]) @ turned], axis=1)
-            errors = (of_tool + of_object) @ root
+            errors = np.concatenate([(of_tool + of_object) @ root, of_gain(calibration, gravity @ x)], axis=2)
             white = whitening(calibration, R, variance, off, g * float(x[0]), g * across @ x[1:])
             x, x_covariance, misfit = _least_squares(white @ gravity, white @ errors, white @ contact)
         logs = 2.0 * float(np.sum(np.linalg.slogdet(white)[1])) + float(np.linalg.slogdet(x_covariance)[1])
@@ -240,7 +240,10 @@ def _doubts(
 ) -> Iterator[Finding]:
     """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero."""
     distance = 0.0 if com is None else float(np.linalg.norm(com))
-    if mass < -surely:
+    moved = own.moved.probability < 0.5 * SIGNIFICANCE
+    by_zero = moved and test.readings > 6 and own.rest.probability >= SIGNIFICANCE
+    below_with_any = by_zero and own.mass < -surely / std * own.std
+    if mass < -surely or below_with_any:
         text = (
             "the mass is below zero: the tool is lighter than when it was calibrated, the sign of the readings differs "
             "(--sign), or the calibration is another tool's"
@@ -271,8 +274,9 @@ def _doubts(
             "before, or tilt it further"
         )
         yield Finding(Kind.UNCONFIRMED, Severity.NOTE, text)
-    moved = own.moved.probability < 0.5 * SIGNIFICANCE
-    if moved and test.readings > 6 and own.rest.probability >= SIGNIFICANCE:
+    if below_with_any:
+        return
+    if by_zero:
         told = f"tell {' +- '.join(meaningful_digits(1e3 * own.mass, 1e3 * own.std))} g"
         text = (
             f"the zero is another one than the calibration's (probability {percent(own.moved.probability)}): with any "

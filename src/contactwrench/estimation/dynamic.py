@@ -70,7 +70,7 @@ class Moved:
     same, and the `weight` (w, 6) of each window. The RMS `left` (6,) of readings in motion, N and N m, in the bands
     used, and the `blur` of the sensor's filter beside the poses, s^2; by how much an accelerometer is `slow` beside the
     wrench, s^2, and `ahead` of it, s; and the wrench `late` beside the poses, s. What goes `beyond` a rigid tool, which
-    is in the covariance.
+    is in the covariance. What the tool `weighs` in motion, N, beside the std of that at the stops.
     """
 
     inertia: Array
@@ -85,6 +85,7 @@ class Moved:
     ahead: Told
     slow: Told
     beyond: BeyondRigid
+    weighs: Told
 
     @property
     def is_negative(self) -> bool:
@@ -204,6 +205,7 @@ def moved(
         ahead=ahead,
         slow=slow,
         beyond=beyond,
+        weighs=Told(at.tool.weight, float(np.sqrt(covariance[0, 0]))),
     )
 
 

@@ -14,7 +14,8 @@ from ..geometry.arrays import Array
 from ..samples.accelerometer import Accelerometer
 from ..samples.samples import Samples
 from ..samples.timestamps import spread_evenly
-from .dynamic import STATED_OFFSET_STD, Moved
+from ..statistics import two_digits
+from .dynamic import STATED_OFFSET_STD, Moved, Told
 from .motion_moments import FLAT
 from .rigidity import PositionsRead
 
@@ -24,7 +25,7 @@ MANY = 0.1
 """Of the windows; and of the weight, what is left of the force in motion."""
 OTHER_FORCES = "contact, cables, shaking, or another tool than at the stops"
 CONTRADICTS = 3.0
-"""Standard deviations of a stated offset."""
+"""Standard deviations of a stated offset, or of the weight at the stops."""
 MOST_OF_IT = 0.9
 """Of the recording, in which an accelerometer is to have read."""
 IMPOSSIBLE = 2.0
@@ -117,6 +118,16 @@ def of_motion(
     else:
         text = "beyond which the poses tell no acceleration: record them more often, or with more digits"
         yield Finding(Kind.MOTION_USED, Severity.WARNING, seconds + text)
+
+
+def of_weight(weighs: Told, weight: float) -> Iterator[Finding]:
+    """That what the tool `weighs` in motion is not the `weight` N of the stops."""
+    if abs(weighs.value - weight) > CONTRADICTS * weighs.std:
+        text = (
+            f"in motion the tool weighs {weighs.value:.3g} N, at the stops {weight:.3g} +- {two_digits(weighs.std)} N: "
+            "another tool, or something gripped or lost in between: record stops and motion of one tool"
+        )
+        yield Finding.doubtful(Kind.CONTRADICTS_PRIOR, text)
 
 
 def of_positions(read: PositionsRead, position: Array) -> Iterator[Finding]:

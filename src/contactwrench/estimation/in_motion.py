@@ -21,7 +21,7 @@ from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
 from ..samples.timestamps import spread_evenly
 from .dynamic import NO_ROWS, SHAKEN_STD, UNKNOWN_STD, Moved, moved
-from .findings_of_motion import of_delay, of_motion, of_positions, of_rate
+from .findings_of_motion import of_delay, of_motion, of_positions, of_rate, of_weight
 from .motion_moments import FLAT, MotionMoments, motion_moments
 from .priors import tool_of
 from .rigidity import positions_read
@@ -98,6 +98,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
     read = 1.0 if samples.accelerometer is None else float(np.isfinite(samples.accelerometer).all(axis=1).mean())
     said = [*of_motion(found, tool.weight, stated, untold, moved_by, dynamics, moments.most, read)]
+    said += of_weight(found.weighs, tool.weight)
     if late is not None and accelerometer is None:
         said.append(of_delay(late))
     if accelerometer is None:
