@@ -78,10 +78,19 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
                 break
             tables[better.kept.tobytes()] = now = _looked_at_anew(problem, better, near)
             near = np.union1d(near, near_kernels([now]))
-    found = sorted(tables.values(), key=lambda table: -table.log_evidence)
+    found, of_all = sorted(tables.values(), key=lambda table: -table.log_evidence), tables[everything.tobytes()]
     proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
-    proposed += [side for table in (found[0], tables[everything.tobytes()]) for side in _two_sides(problem, table)]
-    tables[everything.tobytes()] = _with_levels(problem, tables[everything.tobytes()], proposed)
+    proposed += [side for table in (found[0], of_all) for side in _two_sides(problem, table)]
+    if not found[0].kept.all():
+        proposed.append(_clean_poses(problem, found[0], found[0].kept)[1])
+    now = _with_levels(problem, of_all, proposed)
+    for _ in everything:
+        tables[now.kept.tobytes()] = now
+        flips = [_with_levels(problem, tried(kept, now, near), proposed) for kept in _flips(problem, now)]
+        better = max(flips, key=lambda table: table.log_evidence, default=now)
+        if better.log_evidence <= now.log_evidence:
+            break
+        now = better
     first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
     own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
@@ -129,8 +138,10 @@ def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     return [side if 2 * side.sum() >= n else ~side]
 
 
-def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """As `likely_clean` has them, linearised at the table's tool."""
+def _clean_poses(
+    problem: Problem, table: Table, among: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """As `likely_clean` has them `among` which to look (n,), linearised at the table's tool."""
     J = wrench_jacobian(table.tool, problem.R_base_flange, problem.names)
     q, columns = len(problem.names), problem.columns
     information, pull = np.zeros((q, q)), np.zeros(q)
@@ -142,7 +153,11 @@ def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDA
         own = np.linalg.inv(np.eye(6) + turned @ turned.transpose(0, 2, 1))
         weigh = noise * np.linalg.cholesky(own).transpose(0, 2, 1) / noise.T
         J, errors = weigh @ J, (weigh @ errors[..., None])[..., 0]
-    return likely_clean(J, errors, information, pull)
+    if among is None:
+        return likely_clean(J, errors, information, pull)
+    clean, on_a_level = np.ones((2, len(among)), dtype=bool)
+    clean[among], on_a_level[among] = likely_clean(J[among], errors[among], information, pull)
+    return clean, on_a_level
 
 
 def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
