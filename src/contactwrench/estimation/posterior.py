@@ -81,16 +81,17 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     found, of_all = sorted(tables.values(), key=lambda table: -table.log_evidence), tables[everything.tobytes()]
     proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
     proposed += [side for table in (found[0], of_all) for side in _two_sides(problem, table)]
-    if not found[0].kept.all():
+    ordered = any(drift.kind is Kind.BIAS_DRIFTED for drift in problem.kernels.drifts)
+    anew, leveled = [of_all], dict[bytes, Table]()
+    if ordered and not found[0].kept.all():
         proposed.append(_clean_poses(problem, found[0], found[0].kept)[1])
-    now = _with_levels(problem, of_all, proposed)
-    for _ in everything:
-        tables[now.kept.tobytes()] = now
-        flips = [_with_levels(problem, tried(kept, now, near), proposed) for kept in _flips(problem, now)]
-        better = max(flips, key=lambda table: table.log_evidence, default=now)
-        if better.log_evidence <= now.log_evidence:
-            break
-        now = better
+        anew.append(found[0])
+    while anew:
+        leveled |= {table.kept.tobytes(): _with_levels(problem, table, proposed) for table in anew}
+        now = max(leveled.values(), key=lambda table: table.log_evidence)
+        beside = _flips(problem, now) if ordered else []  # where no drift is looked for, levels would pass for one
+        anew = [tried(kept, tables[now.kept.tobytes()], near) for kept in beside if kept.tobytes() not in leveled]
+    tables |= leveled
     first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
     own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
@@ -128,14 +129,16 @@ def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     """
     if table.kinds[table.best] != Kind.BIAS_WANDERED:
         return []
-    left = explained(problem, table, table.best)[0] / np.sqrt(table.members.variance[table.best])
+    left = (explained(problem, table, table.best)[0] / np.sqrt(table.members.variance[table.best]))[table.kept]
     U, size, _ = np.linalg.svd(left - left.mean(axis=0), full_matrices=False)
     along, n = U[:, 0] * size[0], len(left)
     order, below = np.argsort(along), np.arange(1, n)
     apart = np.cumsum(along[order])[:-1] ** 2 / (below * (n - below))  # of the means of both sides
     side = np.zeros(n, dtype=bool)
     side[order[: int(below[np.argmax(apart)])]] = True
-    return [side if 2 * side.sum() >= n else ~side]
+    larger = np.ones_like(table.kept)
+    larger[table.kept] = side if 2 * side.sum() >= n else ~side
+    return [larger]
 
 
 def _clean_poses(
