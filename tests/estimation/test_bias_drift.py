@@ -88,6 +88,20 @@ def test_backlash_that_comes_with_the_direction_of_arrival_is_none_of_a_bias_tha
     assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0
 
 
+@pytest.mark.parametrize("seed", [0, 6, 13, 19])
+def test_backlash_is_found_beside_a_pose_in_contact(seed: int) -> None:
+    """Two levels 24 noise std apart and a touch of 40: a bias that wanders, its std too small and good."""
+    rig, R, rng = example(seed)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    side, apart = rng.choice([-0.5, 0.5], 24), 24.0 * NOISE * direction(rng, 6)
+    touched, force = rng.integers(24), direction(rng, 3)
+    wrench += np.outer(side, apart)
+    wrench[touched] += np.r_[force, np.cross([0.0, 0.0, 0.1], force)] * 40.0 * NOISE[0]
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(24.0)))
+    assert [f.kind for f in calibration.findings if f.kind in (*OF_BIAS, Kind.TWO_LEVELS)] == [Kind.TWO_LEVELS]
+    assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0
+
+
 @pytest.mark.parametrize(("share", "is_far"), [(0.15, True), (0.05, False)])
 def test_two_zeros_in_rows_of_any_order_are_told_from_backlash_by_how_far_they_are_apart(
     share: float, is_far: bool

@@ -78,10 +78,20 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
                 break
             tables[better.kept.tobytes()] = now = _looked_at_anew(problem, better, near)
             near = np.union1d(near, near_kernels([now]))
-    found = sorted(tables.values(), key=lambda table: -table.log_evidence)
+    found, of_all = sorted(tables.values(), key=lambda table: -table.log_evidence), tables[everything.tobytes()]
     proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
-    proposed += [side for table in (found[0], tables[everything.tobytes()]) for side in _two_sides(problem, table)]
-    tables[everything.tobytes()] = _with_levels(problem, tables[everything.tobytes()], proposed)
+    proposed += [side for table in (found[0], of_all) for side in _two_sides(problem, table)]
+    ordered = any(drift.kind is Kind.BIAS_DRIFTED for drift in problem.kernels.drifts)
+    anew, leveled = [of_all], dict[bytes, Table]()
+    if ordered and not found[0].kept.all():
+        proposed.append(_clean_poses(problem, found[0], found[0].kept)[1])
+        anew.append(found[0])
+    while anew:
+        leveled |= {table.kept.tobytes(): _with_levels(problem, table, proposed) for table in anew}
+        now = max(leveled.values(), key=lambda table: table.log_evidence)
+        beside = _flips(problem, now) if ordered else []  # where no drift is looked for, levels would pass for one
+        anew = [tried(kept, tables[now.kept.tobytes()], near) for kept in beside if kept.tobytes() not in leveled]
+    tables |= leveled
     first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
     own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
@@ -119,18 +129,22 @@ def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     """
     if table.kinds[table.best] != Kind.BIAS_WANDERED:
         return []
-    left = explained(problem, table, table.best)[0] / np.sqrt(table.members.variance[table.best])
+    left = (explained(problem, table, table.best)[0] / np.sqrt(table.members.variance[table.best]))[table.kept]
     U, size, _ = np.linalg.svd(left - left.mean(axis=0), full_matrices=False)
     along, n = U[:, 0] * size[0], len(left)
     order, below = np.argsort(along), np.arange(1, n)
     apart = np.cumsum(along[order])[:-1] ** 2 / (below * (n - below))  # of the means of both sides
     side = np.zeros(n, dtype=bool)
     side[order[: int(below[np.argmax(apart)])]] = True
-    return [side if 2 * side.sum() >= n else ~side]
+    larger = np.ones_like(table.kept)
+    larger[table.kept] = side if 2 * side.sum() >= n else ~side
+    return [larger]
 
 
-def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """As `likely_clean` has them, linearised at the table's tool."""
+def _clean_poses(
+    problem: Problem, table: Table, among: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """As `likely_clean` has them `among` which to look (n,), linearised at the table's tool."""
     J = wrench_jacobian(table.tool, problem.R_base_flange, problem.names)
     q, columns = len(problem.names), problem.columns
     information, pull = np.zeros((q, q)), np.zeros(q)
@@ -142,7 +156,11 @@ def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDA
         own = np.linalg.inv(np.eye(6) + turned @ turned.transpose(0, 2, 1))
         weigh = noise * np.linalg.cholesky(own).transpose(0, 2, 1) / noise.T
         J, errors = weigh @ J, (weigh @ errors[..., None])[..., 0]
-    return likely_clean(J, errors, information, pull)
+    if among is None:
+        return likely_clean(J, errors, information, pull)
+    clean, on_a_level = np.ones((2, len(among)), dtype=bool)
+    clean[among], on_a_level[among] = likely_clean(J[among], errors[among], information, pull)
+    return clean, on_a_level
 
 
 def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
