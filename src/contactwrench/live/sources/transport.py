@@ -30,7 +30,7 @@ BUFFER = 1 << 22
 """Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
 MOST_BYTES = 1 << 16
 LOOK = 0.1
-"""s that a wait lasts at most: so long `close` waits for it."""
+"""s that a wait for what comes lasts at most: so long `close` waits for it, and `TO_CONNECT` for a connection."""
 NO_ANSWER = "no answer"
 REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: NO_ANSWER}
 
@@ -174,7 +174,7 @@ class Tcp(Link):
         """An empty text, or why not."""
         with self._lock:
             made = self._use_socket(family, kind)
-            made.settimeout(min(deadline.left, TO_CONNECT))
+            made.settimeout(min(deadline.left, TO_CONNECT) or 1e-3)  # with 0 it is "in progress", not "no answer"
             try:
                 made.connect(address)
                 made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
