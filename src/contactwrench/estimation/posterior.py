@@ -109,7 +109,7 @@ def _looked_at_anew(problem: Problem, table: Table, near: NDArray[np.intp]) -> T
 
 
 def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_]]) -> Table:
-    """The table, in which the poses left out of a set that is `proposed` may be no outliers, but on one of two levels, as
+    """The table, in which those left out of a set that is `proposed` may be no outliers, but on one of two levels, as
     backlash makes them, the constant halfway between.
     """
     n, before = len(problem.wrench), len(problem.kernels.drift)

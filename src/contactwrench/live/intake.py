@@ -23,7 +23,7 @@ LOOK_EVERY = 0.02
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
 AGAIN = 5.0
-"""s after which samples that go on to be late are said again, and what part of all they are; and stamps that are alike."""
+"""s after which samples that go on to be late are said again, and what part of all they are; and stamps alike."""
 LEAST_STEP, BEHIND = 1e-6, 1e-4
 """s from one sample to the next: time goes on; and s by which one may lie before the last one, all the same: behind
 more the last one came so late that the time of neither is known.

@@ -9,8 +9,8 @@ import os
 import socket
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from select import select
 from threading import Lock
 from time import monotonic
@@ -192,10 +192,12 @@ class Tcp(Link):
 class Driver(Link):
     """A library's own object, which gives what has come by `take(timeout)`, and has a `close`."""
 
-    def start(self, made: Any) -> None:
-        """Begin with it."""
+    @contextmanager
+    def start(self, made: Any) -> Iterator[None]:
+        """Begin with it; `close` waits until whatever is done with it first has ended."""
         with self._lock:
             self._use(made)
+            yield
 
     def _received(self, timeout: float) -> list[Any]:
         return list(self._socket.take(timeout))
