@@ -291,6 +291,7 @@ def test_readings_of_another_sign_or_unit_are_no_zero_that_moved(factor: float, 
         held = weigh(calibration, cw.Samples(factor * samples.wrench + moved, at))
         kinds = [finding.kind for finding in held.findings if finding.severity is not Severity.NOTE]
         assert kinds == [Kind.NEGATIVE_MASS if refused else Kind.BIAS_SHIFTED]
+        assert held.mass < 0.0 or (", whatever the zero is: " in held.warnings[0]) == refused
 
 
 def _tilted(rng: np.random.Generator, poses: int, deg: float) -> Array:

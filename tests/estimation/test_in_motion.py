@@ -16,6 +16,8 @@ import contactwrench as cw
 from contactwrench.calibration.dynamics import can_exist, elements, nearest_possible, second_moments
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import ContactWrenchError, InputError, UnobservableError
+from contactwrench.estimation.dynamic import Told
+from contactwrench.estimation.findings_of_motion import of_weight
 from contactwrench.estimation.in_motion import with_motion
 from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
 from contactwrench.samples.limits import at_limit
@@ -203,6 +205,8 @@ def test_a_tool_that_weighs_otherwise_in_motion_is_not_that_of_the_stops() -> No
     )
     assert told is not None
     assert float(told[1]) == pytest.approx(1.05 * float(told[2]), rel=0.03)
+    (near,) = of_weight(Told(19.83, 0.005), 19.81)
+    assert "weighs 19.8300 N, at the stops 19.8100 +- 0.0050 N" in near.text
 
 
 def test_a_slow_filter_in_the_sensor_is_said_and_moves_little() -> None:

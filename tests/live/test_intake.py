@@ -158,7 +158,7 @@ def test_times_that_stand_are_said_for_what_they_are_and_seldom() -> None:
             batch.samples.append(Sample(arrival, 5.0, wrench=(0.0,) * 6))
         intake.take(batch)
         said += [event.text for event in intake.look(arrival) if event.kind == NoteKind.REPEATED]
-    stands = "all stamped alike: let their time or number go on, or leave it out"
+    stands = "several in a row stamped alike: let their time or number go on, or leave it out"
     assert said[0].startswith("number 5000000 came again")
     assert len(said) == 3
     assert all(text.startswith(f"{stands} (and more: ") for text in said[1:])
@@ -166,3 +166,16 @@ def test_times_that_stand_are_said_for_what_they_are_and_seldom() -> None:
     new = [counter.take(5_000_000 + k, 10.0 + 0.01 * k, batch) is not None for k in (0, 10_000, 10_000, 20_000)]
     assert new == [False, True, False, True]
     assert [note.text for note in batch.notes] == [stands, "number 5010000 came again"]
+
+
+def test_stamps_that_go_on_in_steps_are_not_said_to_stand() -> None:
+    """A state of 125 Hz that is sent at 500: each stamp came four times, and they were said to be all alike."""
+    intake, counter, said = Intake("udp://:9000", "sensor"), Counter(1e-6, step=None), list[str]()
+    intake.opened(About("lines", wrench=True, orientation=False), 0.0)
+    for k in range(2_000):
+        batch = Batch()
+        counter.take(k // 4 * 8_000, 0.002 * k, batch)
+        intake.take(batch)
+        said += [event.text for event in intake.look(0.002 * k) if event.kind == NoteKind.REPEATED]
+    assert len(said) == 1
+    assert said[0].startswith("several in a row stamped alike: ")

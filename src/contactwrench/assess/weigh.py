@@ -245,8 +245,8 @@ def _doubts(
     below_with_any = by_zero and own.mass < -surely / std * own.std
     if mass < -surely or below_with_any:
         text = (
-            "the mass is below zero: the tool is lighter than when it was calibrated, the sign of the readings differs "
-            "(--sign), or the calibration is another tool's"
+            f"the mass is below zero{'' if mass < -surely else ', whatever the zero is'}: the tool is lighter than "
+            "when it was calibrated, the sign of the readings differs (--sign), or the calibration is another tool's"
         )
         yield Finding(Kind.NEGATIVE_MASS, Severity.REFUSED, text)
     elif mass <= surely:

@@ -14,7 +14,7 @@ from ..geometry.arrays import Array
 from ..samples.accelerometer import Accelerometer
 from ..samples.samples import Samples
 from ..samples.timestamps import spread_evenly
-from ..statistics import two_digits
+from ..statistics import meaningful_digits
 from .dynamic import STATED_OFFSET_STD, Moved, Told
 from .motion_moments import FLAT
 from .rigidity import PositionsRead
@@ -121,11 +121,12 @@ def of_motion(
 
 
 def of_weight(weighs: Told, weight: float) -> Iterator[Finding]:
-    """That what the tool `weighs` in motion is not the `weight` N of the stops."""
+    """That what the tool `weighs` in motion is not the `weight` N of the stops, beside the std of that."""
     if abs(weighs.value - weight) > CONTRADICTS * weighs.std:
+        at_stops, std = meaningful_digits(weight, weighs.std)
         text = (
-            f"in motion the tool weighs {weighs.value:.3g} N, at the stops {weight:.3g} +- {two_digits(weighs.std)} N: "
-            "another tool, or something gripped or lost in between: record stops and motion of one tool"
+            f"in motion the tool weighs {meaningful_digits(weighs.value, weighs.std)[0]} N, at the stops {at_stops} +- "
+            f"{std} N: another tool, or something gripped or lost in between: record stops and motion of one tool"
         )
         yield Finding.doubtful(Kind.CONTRADICTS_PRIOR, text)
 

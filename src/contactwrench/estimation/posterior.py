@@ -109,8 +109,8 @@ def _looked_at_anew(problem: Problem, table: Table, near: NDArray[np.intp]) -> T
 
 
 def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_]]) -> Table:
-    """The table of all poses, in which those left out of a set that is `proposed` may be no outliers, but on one of two
-    levels, as backlash makes them, the constant halfway between.
+    """The table, in which those left out of a set that is `proposed` may be no outliers, but on one of two levels, as
+    backlash makes them, the constant halfway between.
     """
     n, before = len(problem.wrench), len(problem.kernels.drift)
     sets = list({kept.tobytes(): kept for kept in proposed}.values())

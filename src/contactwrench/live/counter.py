@@ -9,7 +9,7 @@ BEHIND = 1_000
 IN_A_ROW = 3
 """Samples behind, each ahead of the one before, with none in its place between: the device began anew. Two packets that
 a network delayed together are still two late ones; a device that restarts loses two samples by it."""
-STANDS = "all stamped alike: let their time or number go on, or leave it out"
+STANDS = "several in a row stamped alike: let their time or number go on, or leave it out"
 """What is said of a count that came `IN_A_ROW` times and more."""
 SLACK = 0.5
 """s by which samples may come sooner than their numbers say: a jump further ahead was no loss but another start."""

@@ -23,7 +23,7 @@ LOOK_EVERY = 0.02
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
 AGAIN = 5.0
-"""s after which samples that go on to be late are said again, and what part of all they are; and times that stand."""
+"""s after which samples that go on to be late are said again, and what part of all they are; and stamps alike."""
 LEAST_STEP, BEHIND = 1e-6, 1e-4
 """s from one sample to the next: time goes on; and s by which one may lie before the last one, all the same: behind
 more the last one came so late that the time of neither is known.
@@ -214,8 +214,8 @@ class Intake:
         return self._event(t, "bursts", "warning", come + told)
 
     def _note(self, kind: str, number: int, text: str) -> None:
-        before, _ = self._notes.get(kind, (0, ""))
-        self._notes[kind] = before + number, text
+        before, said = self._notes.get(kind, (0, ""))
+        self._notes[kind] = before + number, STANDS if said == STANDS else text
 
     def _event(self, t: float, kind: str, severity: str, text: str) -> Event:
         return Event(t, str(kind), severity, text, self.uri)

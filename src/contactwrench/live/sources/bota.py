@@ -66,10 +66,10 @@ class Bota(Reader[Driver]):
             raise self._error(f"no file {self._path or '(none)'}", "write the driver's JSON file, as Bota's pages say")
         try:
             driver = bota_driver.BotaDriver(self._path)
-            self._link.start(frames := _Frames(driver))
-            if not (driver.configure() and driver.activate()):
-                raise self._error("a driver that does not start", "read what it wrote")
-            step = int(driver.get_expected_timestep_us())
+            with self._link.start(frames := _Frames(driver)):
+                if not (driver.configure() and driver.activate()):
+                    raise self._error("a driver that does not start", "read what it wrote")
+                step = int(driver.get_expected_timestep_us())
             if step <= 0:
                 raise self._error(f"a timestep of {step} us", "set the sensor's sampling in the driver's file")
         except RuntimeError as error:

@@ -44,8 +44,8 @@ class Ros2(Reader[Driver]):
     def open(self) -> About:
         """As `Source`; it waits for a publisher."""
         made, by = self._made()
-        self._link.start(made)
-        self._begin(self)
+        with self._link.start(made):
+            self._begin(self)
         if not made.type_name:
             raise self._nobody()
         if made.type_name not in WRENCHES + POSES:

@@ -9,8 +9,8 @@ import os
 import socket
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from select import select
 from threading import Lock
 from time import monotonic
@@ -30,7 +30,7 @@ BUFFER = 1 << 22
 """Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
 MOST_BYTES = 1 << 16
 LOOK = 0.1
-"""s that a wait lasts at most: so long `close` waits for it."""
+"""s that a wait for what comes lasts at most: so long `close` waits for it, and `TO_CONNECT` for a connection."""
 NO_ANSWER = "no answer"
 REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: NO_ANSWER}
 
@@ -174,7 +174,7 @@ class Tcp(Link):
         """An empty text, or why not."""
         with self._lock:
             made = self._use_socket(family, kind)
-            made.settimeout(min(deadline.left, TO_CONNECT))
+            made.settimeout(min(deadline.left, TO_CONNECT) or 1e-3)  # with 0 it is "in progress", not "no answer"
             try:
                 made.connect(address)
                 made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -192,10 +192,12 @@ class Tcp(Link):
 class Driver(Link):
     """A library's own object, which gives what has come by `take(timeout)`, and has a `close`."""
 
-    def start(self, made: Any) -> None:
-        """Begin with it."""
+    @contextmanager
+    def start(self, made: Any) -> Iterator[None]:
+        """Begin with it; `close` waits until whatever is done with it first has ended."""
         with self._lock:
             self._use(made)
+            yield
 
     def _received(self, timeout: float) -> list[Any]:
         return list(self._socket.take(timeout))

@@ -133,20 +133,22 @@ class Source(Protocol):
 
 def in_order(starts: Sequence[int], chunks: Iterable[Logged]) -> Iterator[Logged]:
     """What chunks hold, each in order, in the order of all: what reaches beyond the start of the next chunk waits."""
-    waiting = NOTHING
+    waiting: list[Logged] = []
     for until, chunk in zip((*starts[1:], LATEST), chunks, strict=False):
-        before, of_chunk = (int(np.searchsorted(part.stamp, until, side="left")) for part in (waiting, chunk))
-        ready, waiting = _merged(waiting[:before], chunk[:of_chunk]), _merged(waiting[before:], chunk[of_chunk:])
-        if len(ready):
-            yield ready
+        waiting.append(chunk)
+        ends = [int(np.searchsorted(part.stamp, until, side="left")) for part in waiting]
+        if ready := [part[:end] for part, end in zip(waiting, ends, strict=True) if end]:
+            yield _merged(ready)
+        waiting = [part[end:] for part, end in zip(waiting, ends, strict=True) if end < len(part)]
 
 
-def _merged(first: Logged, second: Logged) -> Logged:
-    """Two parts that each are in order, in order."""
-    if not (len(first) and len(second)):
-        return first if len(first) else second
-    rest, last = joined([first.raw.message(row) for row in range(len(first))]), second.raw
-    start = np.concatenate([rest.start, last.start + len(rest.flat)])
-    raw = Raw(np.concatenate([rest.flat, last.flat]), start, np.concatenate([rest.length, last.length]))
-    merged = Logged(np.concatenate([first.log, second.log]), raw)
+def _merged(parts: Sequence[Logged]) -> Logged:
+    """Parts that each are in order, in order."""
+    *few, last = parts
+    if not few:
+        return last
+    rest = joined([part.raw.message(row) for part in few for row in range(len(part))])
+    start = np.concatenate([rest.start, last.raw.start + len(rest.flat)])
+    raw = Raw(np.concatenate([rest.flat, last.raw.flat]), start, np.concatenate([rest.length, last.raw.length]))
+    merged = Logged(np.concatenate([part.log for part in parts]), raw)
     return merged[np.argsort(merged.stamp, kind="stable")]
