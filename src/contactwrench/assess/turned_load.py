@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import LEVER
 from ..estimation.variance_components import USUAL
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import gravity_in_flange, weight_scale
+from ..statistics import two_digits
 
 LEAST_OF_NOISE = 0.05
 """Of the variance of a reading, what is left to noise where the robot's errors seem to be all of it."""
+
+USUAL_GAIN, HEAVY = 0.005, 3.0
+"""By how much sensors' gains are off; and times the tool's weight, from which on an object shows what that does not."""
 
 
 def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
@@ -51,6 +58,20 @@ def of_gain(calibration: Calibration, wrench: Array) -> Array:
     unit = np.repeat([1.0, LEVER], 3)
     each = np.einsum("ab,nc->nabc", share * np.diag(unit), wrench / unit)
     return np.asarray(each.reshape(len(wrench), 6, 36))
+
+
+def hidden_gain(calibration: Calibration, mass: float, std: float) -> Iterator[Finding]:
+    """That an object of that `mass` kg is so much heavier than the tool that a gain which the tool's weight hardly
+    shows would put it off by more than its `std`.
+    """
+    times, off = mass / (weight_scale(calibration.B) / calibration.g), USUAL_GAIN * mass
+    if times > HEAVY and off > 2.0 * std:
+        text = (
+            f"the object weighs {two_digits(times)} times the tool, whose weight hardly shows a gain that is off: "
+            f"{100.0 * USUAL_GAIN:g} % of it would be {two_digits(1e3 * off)} g here; contactwrench verify tells with "
+            "a known load as heavy (load_g)"
+        )
+        yield Finding(Kind.ADVICE, Severity.NOTE, text)
 
 
 def whitening(

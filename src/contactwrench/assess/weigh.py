@@ -27,7 +27,7 @@ from ..samples.poses import SAME_POSE_ANGLE
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, meaningful_digits, percent, square_root, two_digits
-from .turned_load import down_in_sensor, largest_turn, of_gain, whitening
+from .turned_load import down_in_sensor, hidden_gain, largest_turn, of_gain, whitening
 
 THREE_STD = 0.9973
 """Level of three standard deviations of a normal distribution: a mass nearer to zero is none."""
@@ -176,7 +176,11 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         probability=test.probability,
         dof=calibration.dof,
         g=g,
-        findings=(*left_out, *_doubts(mass, mass_std, surely, own, com, unknown_along is not None, test)),
+        findings=(
+            *left_out,
+            *_doubts(mass, mass_std, surely, own, com, unknown_along is not None, test),
+            *hidden_gain(calibration, mass, mass_std),
+        ),
     )
 
 

@@ -6,6 +6,7 @@ comes near the likeliest stays in the mean.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import compress
 
@@ -78,7 +79,25 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
                 break
             tables[better.kept.tobytes()] = now = _looked_at_anew(problem, better, near)
             near = np.union1d(near, near_kernels([now]))
-    found, of_all = sorted(tables.values(), key=lambda table: -table.log_evidence), tables[everything.tobytes()]
+    tables |= _leveled(problem, tables, on_a_level, lambda kept, start: tried(kept, start, near))
+    first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
+    others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
+    own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
+    return [first, *(table_at(own, first.tool, table.kept, hypotheses, table) for own, table in own_kernels)]
+
+
+def _leveled(
+    problem: Problem,
+    tables: dict[bytes, Table],
+    on_a_level: NDArray[np.bool_],
+    tried: Callable[[NDArray[np.bool_], Table], Table],
+) -> dict[bytes, Table]:
+    """Tables by the poses that they keep, in which some of these may be `on_a_level` of their own or on a side of what
+    was found: that of all poses; and, where the order of poses tells levels from a drift, for which they would pass,
+    those with poses left out beside them.
+    """
+    found = sorted(tables.values(), key=lambda table: -table.log_evidence)
+    of_all = tables[np.ones(len(problem.wrench), dtype=bool).tobytes()]
     proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
     proposed += [side for table in (found[0], of_all) for side in _two_sides(problem, table)]
     ordered = any(drift.kind is Kind.BIAS_DRIFTED for drift in problem.kernels.drifts)
@@ -89,13 +108,9 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     while anew:
         leveled |= {table.kept.tobytes(): _with_levels(problem, table, proposed) for table in anew}
         now = max(leveled.values(), key=lambda table: table.log_evidence)
-        beside = _flips(problem, now) if ordered else []  # where no drift is looked for, levels would pass for one
-        anew = [tried(kept, tables[now.kept.tobytes()], near) for kept in beside if kept.tobytes() not in leveled]
-    tables |= leveled
-    first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
-    others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
-    own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
-    return [first, *(table_at(own, first.tool, table.kept, hypotheses, table) for own, table in own_kernels)]
+        beside = _flips(problem, now) if ordered else []
+        anew = [tried(kept, tables[now.kept.tobytes()]) for kept in beside if kept.tobytes() not in leveled]
+    return leveled
 
 
 def _looked_at_anew(problem: Problem, table: Table, near: NDArray[np.intp]) -> Table:
