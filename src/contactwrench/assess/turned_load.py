@@ -44,7 +44,12 @@ def largest_turn(calibration: Calibration) -> float:
     """
     if calibration.orientation_std is not None:
         return calibration.orientation_std
-    return min(float(np.sqrt(np.mean(calibration.noise[:3] ** 2))) / max(weight_scale(calibration.B), 1e-300), USUAL)
+    return min(float(np.sqrt(np.mean(calibration.noise[:3] ** 2))) / _weight(calibration), USUAL)
+
+
+def _weight(calibration: Calibration) -> float:
+    """Of the tool, N; hardly anything of one without."""
+    return max(weight_scale(calibration.B), 1e-300)
 
 
 def of_gain(calibration: Calibration, wrench: Array) -> Array:
@@ -54,17 +59,17 @@ def of_gain(calibration: Calibration, wrench: Array) -> Array:
     if calibration.gain_covariance is None:
         return np.zeros((len(wrench), 6, 0))
     of_force = np.diag(calibration.gain_covariance).reshape(6, 4)[:3, :3]
-    share = np.sqrt(max(float(np.mean(of_force)), 0.0)) / weight_scale(calibration.B)
+    share = np.sqrt(max(float(np.mean(of_force)), 0.0)) / _weight(calibration)
     unit = np.repeat([1.0, LEVER], 3)
     each = np.einsum("ab,nc->nabc", share * np.diag(unit), wrench / unit)
     return np.asarray(each.reshape(len(wrench), 6, 36))
 
 
-def hidden_gain(calibration: Calibration, mass: float, std: float) -> Iterator[Finding]:
-    """That an object of that `mass` kg is so much heavier than the tool that a gain which the tool's weight hardly
-    shows would put it off by more than its `std`.
+def hidden_gain(calibration: Calibration, mass: float, std: float, g: float) -> Iterator[Finding]:
+    """That an object of that `mass` kg under `g` m/s^2 is so much heavier than the tool that a gain which the tool's
+    weight hardly shows would put it off by more than twice its `std` kg.
     """
-    times, off = mass / (weight_scale(calibration.B) / calibration.g), USUAL_GAIN * mass
+    times, off = g * mass / _weight(calibration), USUAL_GAIN * mass
     if times > HEAVY and off > 2.0 * std:
         text = (
             f"the object weighs {two_digits(times)} times the tool, whose weight hardly shows a gain that is off: "

@@ -179,7 +179,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         findings=(
             *left_out,
             *_doubts(mass, mass_std, surely, own, com, unknown_along is not None, test),
-            *hidden_gain(calibration, mass, mass_std),
+            *hidden_gain(calibration, mass, mass_std, g),
         ),
     )
 

@@ -1,7 +1,7 @@
 """The posterior over sets of poses that belong: the tables of those that may, the likeliest first.
 
-The search starts from clean subsets (outliers.py) and from all poses, and goes on pose by pose; what it looked at and
-comes near the likeliest stays in the mean.
+The search starts from clean subsets (outliers.py) and from all poses, and goes on pose by pose; last it looks for poses
+on one of two levels, beside those left out. What it looked at and comes near the likeliest stays in the mean.
 """
 
 from __future__ import annotations

@@ -27,13 +27,13 @@ from ...recording.tables.write import JUDGEMENT, NAMES, columns_of, csv_lines, q
 from ...samples.samples import LARGEST_READING
 from ..sink import Turn
 from ..uri import Uri
-from .growing import GrowingMcap, GrowingParquet, GrowingText, Message, text_message
+from .growing import Growing, GrowingMcap, GrowingParquet, GrowingText, Message, text_message
 
 PORTION, EVERY = 0.05, 0.5
 """s of turns that become messages at once, as the worker waits meanwhile; between two writes: half of what may be lost,
 and what the rows of a table are made of, as their positions lie between poses.
 """
-FORMATS: dict[str, Any] = {".csv": GrowingText, ".parquet": GrowingParquet, ".mcap": GrowingMcap}
+FORMATS: dict[str, type[Growing]] = {".csv": GrowingText, ".parquet": GrowingParquet, ".mcap": GrowingMcap}
 CONTACT = ("free", "in contact", "contact not judged")
 """By the code of `ContactWrenches.contact`, of which -1 is the last place."""
 RAW_NAMES = ("t", *WRENCH_COLUMNS, "qx", "qy", "qz", "qw", *POSITION, FLAW)
@@ -59,7 +59,7 @@ class GrowingFile(ABC):
         self._kept: list[Turn] = []
         self._unwritten, self._more = 0, False
         self._added = self._wrote = monotonic()
-        self._file: Any = None
+        self._file: Growing | None = None
 
     def open(self) -> None:
         """Raises `FileAccessError`, and `MissingExtraError` without pyarrow or mcap."""

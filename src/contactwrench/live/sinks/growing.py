@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from struct import pack
-from typing import IO, Any, TypeAlias, cast
+from typing import IO, Any, Protocol, TypeAlias, cast
 
 from ...recording.bags.mcap import LIVE
 from ...recording.bags.open import require_rosbags
@@ -76,6 +76,20 @@ class _WholeOrNot:
     def close(self) -> None:
         with self._file:
             self.flush()
+
+
+class Growing(Protocol):
+    """A file that is whole each time that it is written."""
+
+    def __init__(self, path: Path, /) -> None: ...
+    def add(self, content: Any, /) -> None:
+        """What is to be written next: text, columns or messages, as the kind of file takes them."""
+
+    def write(self) -> None:
+        """Write what was added."""
+
+    def close(self) -> None:
+        """Write what is left, and close."""
 
 
 class GrowingText:
