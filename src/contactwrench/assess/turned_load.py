@@ -9,14 +9,12 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import LEVER
+from ..estimation.moved_bias import noise_beside_turns, whitening
 from ..estimation.variance_components import USUAL
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import gravity_in_flange, weight_scale
 from ..statistics import two_digits
-
-LEAST_OF_NOISE = 0.05
-"""Of the variance of a reading, what is left to noise where the robot's errors seem to be all of it."""
 
 USUAL_GAIN, HEAVY = 0.005, 3.0
 """By how much sensors' gains are off; and times the tool's weight, from which on an object shows what that does not."""
@@ -79,20 +77,15 @@ def hidden_gain(calibration: Calibration, mass: float, std: float, g: float) -> 
         yield Finding(Kind.ADVICE, Severity.NOTE, text)
 
 
-def whitening(
+def whitening_under_load(
     calibration: Calibration, R_base_flange: Array, variance: Array, off: float, weight: float, moment: Array
 ) -> Array:
     """Matrices (n, 6, 6) that make the errors of readings of the given `variance` (n, 6) independent, of size one.
     Orientations that are `off` rad an axis turn what hangs on the sensor: an object of that `weight` N and `moment`
     (3,) N m, and the tool, whose share is in the variance, where the calibration knows how large it is.
     """
-    r = gravity_in_flange(R_base_flange, calibration.gravity_direction)
+    noise, of_tool = noise_beside_turns(calibration, R_base_flange, variance)
     to_sensor = calibration.B[:3, :3] / weight_scale(calibration.B)
-    turned, noise = np.concatenate([weight * to_sensor, cross_matrix(moment) @ to_sensor]), variance
-    if calibration.orientation_std is not None:
-        of_tool = calibration.orientation_std * calibration.B[:, :3] @ cross_matrix(r)
-        noise = np.maximum(variance - np.mean(np.sum(of_tool**2, axis=2), axis=0), LEAST_OF_NOISE * variance)
-        turned = turned + calibration.B[:, :3]
-    of_both = off * turned @ cross_matrix(r)
-    total = noise[..., None] * np.eye(6) + of_both @ of_both.transpose(0, 2, 1)
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(total)))
+    of_object = np.concatenate([weight * to_sensor, cross_matrix(moment) @ to_sensor])
+    r = gravity_in_flange(R_base_flange, calibration.gravity_direction)
+    return whitening(noise, off * (of_tool + of_object @ cross_matrix(r)))

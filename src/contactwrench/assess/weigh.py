@@ -27,7 +27,7 @@ from ..samples.poses import SAME_POSE_ANGLE
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, meaningful_digits, percent, square_root, two_digits
-from .turned_load import down_in_sensor, hidden_gain, largest_turn, of_gain, whitening
+from .turned_load import down_in_sensor, hidden_gain, largest_turn, of_gain, whitening_under_load
 
 THREE_STD = 0.9973
 """Level of three standard deviations of a normal distribution: a mass nearer to zero is none."""
@@ -128,7 +128,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         for _ in range(PASSES):
             of_object = g * np.concatenate([x[0] * turned, cross_matrix(across @ x[1:]) @ turned], axis=1)
             errors = np.concatenate([(of_tool + of_object) @ root, of_gain(calibration, gravity @ x)], axis=2)
-            white = whitening(calibration, R, variance, off, g * float(x[0]), g * across @ x[1:])
+            white = whitening_under_load(calibration, R, variance, off, g * float(x[0]), g * across @ x[1:])
             x, x_covariance, misfit = _least_squares(white @ gravity, white @ errors, white @ contact)
         logs = 2.0 * float(np.sum(np.linalg.slogdet(white)[1])) + float(np.linalg.slogdet(x_covariance)[1])
         by_chance = BY_CHANCE if off > 0.0 and calibration.orientation_std is None else 0.0

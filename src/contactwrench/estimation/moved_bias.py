@@ -12,6 +12,7 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array, Frozen
+from ..geometry.wrench import cross_matrix
 from ..model import affine_jacobian, gravity_in_flange
 from ..statistics import SIGNIFICANCE, MisfitTest, force_and_torque, percent, products_of_readings, two_digits
 from .outliers import MOST_SHARE
@@ -38,6 +39,8 @@ LITTLE, FAR_LESS = 1e-3, 0.5
 """Probability that samples scatter as little by chance; and of their variance, below which it makes a difference."""
 SAME = 1e-9
 """Of the largest singular value: columns that say the same have less."""
+LEAST_OF_NOISE = 0.01
+"""Of the variance of a reading, what is left to noise where the robot's errors seem to be all of it."""
 TELLS_NOTHING = 1e200
 """Variance of a pose that is left out."""
 
@@ -87,6 +90,34 @@ class BiasShift(Frozen):
         return Finding(Kind.BIAS_SHIFTED, Severity.WARNING, text)
 
 
+def noise_beside_turns(calibration: Calibration, R_base_flange: Array, variance: Array) -> tuple[Array, Array]:
+    """What is noise (n, 6) of the `variance` (n, 6) of readings; the rest is of a robot whose orientations are off, by
+    as much as calibrating saw. And what a turn of 1 rad about each axis of the flange reads of the tool, (n, 6, 3); 0
+    where the calibration knows of no such errors.
+    """
+    if calibration.orientation_std is None:
+        return variance, np.zeros((*variance.shape, 3))
+
+    def of_turns(R: Array) -> Array:
+        return calibration.B[:, :3] @ cross_matrix(gravity_in_flange(R, calibration.gravity_direction))
+
+    then = (
+        np.array([pose.R_base_flange for pose in calibration.fitted_poses])
+        if calibration.fitted_poses
+        else R_base_flange
+    )
+    share = calibration.orientation_std**2 * np.mean(np.sum(of_turns(then) ** 2, axis=2), axis=0)
+    return np.maximum(variance - share, LEAST_OF_NOISE * variance), of_turns(R_base_flange)
+
+
+def whitening(noise: Array, turned: Array) -> Array:
+    """Matrices (n, 6, 6) that make errors independent, of size one: of `noise` variances (n, 6), and what independent
+    turns read, `turned` (n, 6, k).
+    """
+    total = noise[..., None] * np.eye(6) + turned @ turned.transpose(0, 2, 1)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(total)))
+
+
 def held_against(
     calibration: Calibration,
     residuals: Array,
@@ -100,6 +131,8 @@ def held_against(
     (`RecordedPoses`); and what of their misfit a moved bias explains, None for a single pose.
     """
     n = len(residuals)
+    noise, of_turns = noise_beside_turns(calibration, R_base_flange, variance)
+    white = whitening(noise, (calibration.orientation_std or 0.0) * of_turns)
     J = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
     of_bias = [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]
     of_others, of_any = J[:, np.logical_not(of_bias)], _of_any_matrix(calibration, R_base_flange)
@@ -109,7 +142,8 @@ def held_against(
         late = np.column_stack([R_base_flange.reshape(n, 9), np.ones(n)]) @ lag
         J, covariance = np.column_stack([J, late.ravel()]), np.pad(covariance, (0, 1))
         covariance[-1, -1] = 1.0
-    products = products_of_readings(np.hstack(columns), variance.ravel(), J, covariance)
+    told, of_errors = ((white @ each.reshape(n, 6, -1)).reshape(6 * n, -1) for each in (np.hstack(columns), J))
+    products = products_of_readings(told, np.ones(6 * n), of_errors, covariance)
     whole = MisfitTest(float(products[0, 0]), 6 * n, dof)
     if n == 1:
         return whole, None

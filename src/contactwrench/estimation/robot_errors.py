@@ -23,7 +23,7 @@ from .bias_drift import Kernels
 from .error_covariance import AlikeOnAxes, Turned, Turns
 from .least_squares import Members
 from .noise import LEAST_DOF
-from .variance_components import SHOWING, USUAL, Linear, Optimum, along_axes, at_optimum, look_at, shows
+from .variance_components import SHOWING, USUAL, Linear, Optimum, along_axes, at_optimum, look_at, of_larger, shows
 
 ODDS = 1.0
 """Before the readings, that robots err so that it may show."""
@@ -37,9 +37,9 @@ MOST_ALIKE = 100
 FURTHEST = 5.0 * USUAL
 """rad, standard deviation: what leaves more is no robot's error."""
 
-AT_FIRST = 1.5
-"""Of the noise's variance, by turns about one axis, and as much about the other: three quarters of what is left, to
-begin with."""
+AT_FIRST = 4.0
+"""Of the noise's variance, by turns about one axis, and as much about the other: eight ninths of what is left, to begin
+with: from below, turns of a few poses would not be reached."""
 
 MOST_BESIDE, CLOSE_BESIDE = 3, 4.0
 """Drifts that are looked at with turns beside them, and the natural logarithm of the odds of one, against the likeliest
@@ -166,13 +166,13 @@ def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
 
 
 def _with_share(linear: Linear, base: AlikeOnAxes, turns: Turns, share: float) -> Turned:
-    """Turns that have the `share` (`Turned.shares`) of the forces' noise, the variances of the base being about that of
-    both; a drift is as large as it was.
+    """Turns that have the `share` (`Turned.shares`) of the noise of forces or torques, the variances of the base being
+    about that of both; a drift is as large as it was.
     """
     load = np.mean(turns.reads_of_kept**2, axis=(0, 2)) + 1e-300
-    of_axis = share * load / base.variance / np.mean(load[:3] / base.variance[:3])
+    of_axis = share * load / base.variance / of_larger(load / base.variance)
     noise = base.variance / (1.0 + 2.0 * of_axis)
-    V = Turned(base, turns, float(np.sqrt(share / np.mean(load[:3] / noise[:3]))))
+    V = Turned(base, turns, float(np.sqrt(share / of_larger(load / noise))))
     noise = np.maximum(noise, np.maximum(linear.noise.least, V.beyond_first_order))
     as_large = float(np.sqrt(np.mean(base.variance[:3]) / np.mean(noise[:3])))
     return replace(V, base=replace(base, variance=noise, strength=base.strength * as_large))

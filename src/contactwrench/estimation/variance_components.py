@@ -23,8 +23,8 @@ USUAL = 0.01
 """rad: scale of a half-normal prior of the turns' standard deviation, as robots are good to half a degree."""
 
 SHOWING, BEYOND = 0.5, 1e8
-"""Of the noise's variance, that of turns from which on they are counted, as smaller ones pass for noise, and up to
-which double precision carries both.
+"""Of the noise's variance, that of turns from which on they are counted in forces or in torques, as smaller ones pass
+for noise, and up to which double precision carries both.
 """
 
 LEAST = 1e-5
@@ -150,7 +150,14 @@ def _prior(linear: Linear, V: Turned, usual_share: float | None) -> tuple[Array,
 
 def shows(V: Turned) -> bool:
     """Whether turns count beside the noise."""
-    return V.sd > LEAST and float(V.shares[:3].mean()) > SHOWING and float(V.shares.max()) < BEYOND
+    return V.sd > LEAST and of_larger(V.shares) > SHOWING and float(V.shares.max()) < BEYOND
+
+
+def of_larger(shares: Array) -> float:
+    """Of what each axis (6,) has, the mean of the forces or of the torques, whichever is the larger: a tool far from
+    the sensor shows turns in its torques.
+    """
+    return float(shares.reshape(2, 3).mean(axis=1).max())
 
 
 def at_optimum(linear: Linear, V: Turned, drift: Drift | None = None) -> Optimum:
