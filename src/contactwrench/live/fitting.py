@@ -132,7 +132,7 @@ def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibrati
         return _without_inertia(calibration, "the robot's poses have no positions")
     if np.median(np.diff(streams.orientation.t)) > SLOWEST_POSES:  # in the run they would tell no motion
         return _without_inertia(calibration, f"poses came less than {1.0 / SLOWEST_POSES:.0f} times a second")
-    readings = streams.wrench.select(slice(None, None, max(len(streams.wrench) // MOST_ROWS, 1)))
+    readings = streams.wrench.select(slice(None, None, 1 + len(streams.wrench) // MOST_ROWS))
     applied = is_significant(calibration.delay or 0.0, calibration.delay_std or np.inf)
     late = (calibration.delay, calibration.delay_std) if applied else (0.0, None)
     try:
