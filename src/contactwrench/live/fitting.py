@@ -34,8 +34,8 @@ OTHER_SIDE = (
 )
 SIGNS = {"pull": 1.0, "reaction": -1.0}
 MOST_ROWS = 45_000
-"""Of a motion, that are looked at: of three minutes 250 a second, which tell what 1,000 do in a quarter of the time; and
-too few for another compiled step (`FUSED_FROM`), which would be loaded beside the stream.
+"""Of a motion, that are looked at: of three minutes 250 a second, which tell what 1,000 do in a quarter of the time. So
+many need no other compiled step (`FUSED_FROM`), which would be loaded beside the stream.
 """
 
 

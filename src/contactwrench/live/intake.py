@@ -187,9 +187,9 @@ class Intake:
         elif self.clock.pace < self._pace:
             events.append(self._event(t, "rate", "note", "its time is told as it says it: what was slow had waited"))
         if self.clock.later > self._later:
-            later = f"what it sends comes {1e3 * (self.clock.later - self._later):.0f} ms later than before, and stays so"
-            why = "its clock stood, or the network is slower and its times are told so much too late: check both"
-            events.append(self._event(t, "late", "warning", f"{later}: {why}"))
+            later = f"{1e3 * (self.clock.later - self._later):.0f} ms later than before, and stays so: its clock stood"
+            why = "or the network is slower and its times are told so much too late: check both"
+            events.append(self._event(t, "late", "warning", f"what it sends comes {later}, {why}"))
         self._pace, self._later = self.clock.pace, self.clock.later
         if bool(self._bursts.period) is not self._in_bursts:
             self._in_bursts = not self._in_bursts
