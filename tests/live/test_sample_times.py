@@ -165,6 +165,20 @@ def test_the_motion_that_is_kept_is_bounded(robot: bool, monkeypatch: pytest.Mon
     assert streams.wrench.t[-1] - streams.wrench.t[0] < seconds + 3.0
 
 
+def test_the_last_readings_are_kept_whatever_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the last half second but for one that is flawed, and none that is older."""
+    monkeypatch.setattr(history, "ROOM", 600)
+    kept, turn = history.History(), (0.0, 0.0, 0.0, 1.0)
+    for k in range(0, 3000, 30):
+        numbers = range(k, k + 30)
+        kept.add(Turn([Reading(n / 1024, 0.0, (float(n),) * 6, turn, "late" * (n == 2800)) for n in numbers], []))
+        t, wrench, orientation = kept.last(0.5)
+        assert wrench[:, 5].tolist() == [n for n in range(max(k + 30 - 512, 0), k + 30) if n != 2800]
+        assert (t == wrench[:, 0] / 1024).all()
+        assert (orientation == turn).all()
+    assert not len(kept.last(0.5, now=4.5)[0])
+
+
 def test_a_contact_costs_nothing_while_samples_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the contact has been so far takes a millisecond to compute: for each sample that came late it would have all
     that follow come late too.
