@@ -47,13 +47,11 @@ def say(as_json: bool, in_words: bool, said: Said) -> None:
 
 
 def compile_now(before: Before) -> None:
-    """Load what a wizard's fits need, and compile the step that a session needs, where there is a compiler, aside."""
+    """Compile the step that a session needs, where there is a compiler, aside."""
     from ..compensate.runner import compiled
 
     if before.aside is not None:
         before.aside()
-    if before.inertia is None:
-        import scipy.signal  # noqa: F401, and with it all that is used of scipy: 0.6 s, in which samples would come late
     if has_compiler():
         from numba.core.event import install_recorder
 
