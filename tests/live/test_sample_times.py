@@ -69,6 +69,25 @@ def test_a_clock_that_stood_for_a_moment_is_followed_in_seconds(step: float, jit
     assert np.abs(late[((true > 2.0) & (true < 20.0)) | (true > 24.6)]).max() < 5e-4
 
 
+@pytest.mark.parametrize(("by", "said"), [(0.006, ["6"]), (0.03, ["30"]), (-0.03, []), (0.001, []), (0.0, [])])
+@pytest.mark.parametrize("stalls", [0.0, 0.2])
+def test_a_network_that_stays_later_is_said_once(by: float, said: list[str], stalls: float) -> None:
+    """It looks like a clock that stood: its times follow, and are so much too late."""
+    rng, intake, true = np.random.default_rng(7), Intake("netft://x", "sensor"), np.arange(0.0, 40.0, 0.002)
+    intake.opened(About("a sensor", wrench=True, orientation=False), 0.0)
+    waits = 0.05 + np.where(true > 20.0, by, 0.0) + rng.exponential(5e-4, len(true))
+    waits += stalls * (np.abs(true % 7.0 - 5.0) < 0.1)
+    texts = list[str]()
+    for t, arrival in zip(true.tolist(), np.maximum.accumulate(true + waits).tolist(), strict=True):
+        intake.take(Batch([Sample(arrival, t, wrench=(0.0,) * 6)]))
+        texts += [event.text for event in intake.look(arrival) if "later than before" in event.text]
+    assert texts == [
+        f"what it sends comes {ms} ms later than before, and stays so: its clock stood, or the network is slower and "
+        "its times are told so much too late: check both"
+        for ms in said
+    ]
+
+
 def test_a_stall_moves_no_time() -> None:
     """What a network held up for a second comes at once, with its own times."""
     true = np.arange(0.0, 20.0, 0.002)
@@ -144,6 +163,20 @@ def test_the_motion_that_is_kept_is_bounded(robot: bool, monkeypatch: pytest.Mon
     assert seconds * history.RATE <= len(streams.wrench) < 2.1 * seconds * history.RATE
     assert len(streams.orientation) == (len(streams.orientation) if robot else 0)
     assert streams.wrench.t[-1] - streams.wrench.t[0] < seconds + 3.0
+
+
+def test_the_last_readings_are_kept_whatever_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the last half second but for one that is flawed, and none that is older."""
+    monkeypatch.setattr(history, "ROOM", 600)
+    kept, turn = history.History(), (0.0, 0.0, 0.0, 1.0)
+    for k in range(0, 3000, 30):
+        numbers = range(k, k + 30)
+        kept.add(Turn([Reading(n / 1024, 0.0, (float(n),) * 6, turn, "late" * (n == 2800)) for n in numbers], []))
+        t, wrench, orientation = kept.last(0.5)
+        assert wrench[:, 5].tolist() == [n for n in range(max(k + 30 - 512, 0), k + 30) if n != 2800]
+        assert (t == wrench[:, 0] / 1024).all()
+        assert (orientation == turn).all()
+    assert not len(kept.last(0.5, now=4.5)[0])
 
 
 def test_a_contact_costs_nothing_while_samples_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:

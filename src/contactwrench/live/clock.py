@@ -26,7 +26,8 @@ its rise: so no step. A queue that fills evenly looks alike until it is empty ag
 """
 FLAT = 1e-3
 """s within which all of those lie but the first, where they rose at once by more than `SOONER`, and stay: the device
-was set back, or stood. A network that is later by the same at once looks alike: its samples are told so much too late.
+was set back, or stood. A network that is later by the same at once looks alike, its samples are told so much too late:
+so it is said (intake.py).
 """
 LATE = 0.05
 """s by which a sample comes after it was taken beyond which it is not to be used: its time may be wrong. Where all come
@@ -47,7 +48,7 @@ AGAIN, OFTEN = 0.5, 5
 class Clock:
     """Turns (arrival, device's time) of one device, in order, into times of arrival without the network's jitter.
     `pace` is s that pass in one of the device's, where that is none of a quartz; samples come `lateness` s later than
-    the soonest, on average.
+    the soonest, on average; and all of them by `later` s since it began, that came at once, and stay.
     """
 
     def __init__(self) -> None:
@@ -67,7 +68,7 @@ class Clock:
         self._least = (0.0, inf)
         self._rate, self._line, self.pace = 0.0, (0.0, inf), 1.0
         self._is_known, self._is_fast, self._fell, self._unknown_from = False, False, (inf, inf), inf
-        self.lateness = 0.0
+        self.lateness = self.later = 0.0
 
     def times(self, stamps: Sequence[tuple[float, float]], anew: Collection[int] = ()) -> list[tuple[float, bool]]:
         """The times (s since 1970) of samples that came together, from their (arrival, device's time), and whether they
@@ -133,6 +134,7 @@ class Clock:
                 if rise := steady_rise(self._recent):
                     self._paced(1.0 + rise)
             elif has_stepped(self._recent):
+                self.later += self._recent[1][1] - self._recent[0][1]
                 self._bins = [*self._recent][1:-1]
             if not self._bins or self._least[0] > self._bins[-1][0]:  # else its clock stands
                 self._bins.append(self._least)

@@ -34,7 +34,9 @@ OTHER_SIDE = (
 )
 SIGNS = {"pull": 1.0, "reaction": -1.0}
 MOST_ROWS = 45_000
-"""Of a motion, that are looked at: of three minutes 250 a second, which tell what 1,000 do in a quarter of the time."""
+"""Of a motion, that are looked at: of three minutes 250 a second, which tell what 1,000 do in a quarter of the time. So
+many need no other compiled step (`FUSED_FROM`), which would be loaded beside the stream.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +134,7 @@ def with_inertia(calibration: Calibration, streams: Streams | None) -> Calibrati
         return _without_inertia(calibration, "the robot's poses have no positions")
     if np.median(np.diff(streams.orientation.t)) > SLOWEST_POSES:  # in the run they would tell no motion
         return _without_inertia(calibration, f"poses came less than {1.0 / SLOWEST_POSES:.0f} times a second")
-    readings = streams.wrench.select(slice(None, None, max(len(streams.wrench) // MOST_ROWS, 1)))
+    readings = streams.wrench.select(slice(None, None, 1 + len(streams.wrench) // MOST_ROWS))
     applied = is_significant(calibration.delay or 0.0, calibration.delay_std or np.inf)
     late = (calibration.delay, calibration.delay_std) if applied else (0.0, None)
     try:

@@ -4,9 +4,10 @@ times a second by the sensor's own quiet; and what both streams were on the way 
 
 from __future__ import annotations
 
+from array import array
+from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
-from itertools import takewhile
 from math import inf
 
 import numpy as np
@@ -17,8 +18,8 @@ from ..samples.samples import OrientationStream, Streams, WrenchStream
 from ..statistics import two_digits
 from .sink import Turn
 
-ROOM = 32_768
-"""Readings: 3 s of a sensor at 10 kHz."""
+ROOM, WIDTH = 32_768, 11
+"""Readings: 3 s of a sensor at 10 kHz; and numbers of each."""
 STOPPED = 1.0
 """s: of steady bursts no two lie further apart (arrivals.py)."""
 SECONDS, RATE = 180, 1_000
@@ -41,20 +42,24 @@ class History:
     """Readings (n, 6) with their times and orientations (n, 4), the newest last."""
 
     def __init__(self) -> None:
-        self._rows = deque[tuple[float, ...]](maxlen=ROOM)
+        self._numbers = array("d")
 
     def add(self, turn: Turn) -> None:
         """The readings of a turn that may be used."""
-        self._rows.extend((t, *wrench, *orientation) for t, _, wrench, orientation, flaw in turn.readings if not flaw)
+        for t, _, wrench, orientation, flaw in turn.readings:
+            if not flaw:
+                self._numbers.extend((t, *wrench, *orientation))
+        if len(self._numbers) > 2 * ROOM * WIDTH:
+            del self._numbers[: -ROOM * WIDTH]
 
     def last(self, seconds: float, now: float = -inf) -> tuple[Array, Array, Array]:
         """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds; none, where `now` (s) is told, of a
         sensor that has given no good reading for `STOPPED` s.
         """
-        newest = self._rows[-1][0] if self._rows else -inf
+        kept = np.frombuffer(self._numbers).reshape(-1, WIDTH)
+        newest = kept[-1, 0] if len(kept) else -inf
         begin = inf if now - newest > STOPPED else newest - seconds
-        last = [*takewhile(lambda row: row[0] > begin, reversed(self._rows))]
-        rows = np.array(last[::-1]).reshape(-1, 11)
+        rows = kept[bisect_right(kept[:, 0], begin) :].copy()  # what is viewed cannot grow
         return rows[:, 0], rows[:, 1:7], rows[:, 7:]
 
 

@@ -59,7 +59,7 @@ class Intake:
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
         self._looked = self._noted = self._late = self._said_late = self._said_stands = self._settled = -inf
-        self._told, self._pace = (0, 0), 1.0
+        self._told, self._pace, self._later = (0, 0), 1.0, 0.0
         self._has_time = False
 
     def _forget(self) -> None:
@@ -186,7 +186,11 @@ class Intake:
             events.append(self._event(t, "rate", "warning", f"{slow}: check its rate, or let it stamp by a clock"))
         elif self.clock.pace < self._pace:
             events.append(self._event(t, "rate", "note", "its time is told as it says it: what was slow had waited"))
-        self._pace = self.clock.pace
+        if self.clock.later > self._later:
+            later = f"{1e3 * (self.clock.later - self._later):.0f} ms later than before, and stays so: its clock stood"
+            why = "or the network is slower and its times are told so much too late: check both"
+            events.append(self._event(t, "late", "warning", f"what it sends comes {later}, {why}"))
+        self._pace, self._later = self.clock.pace, self.clock.later
         if bool(self._bursts.period) is not self._in_bursts:
             self._in_bursts = not self._in_bursts
             events.append(self._of_bursts(t))

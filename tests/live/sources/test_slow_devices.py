@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from threading import Thread
 from time import monotonic, sleep
 from typing import Any
 
@@ -103,6 +104,22 @@ def test_to_connect_is_tried_again(lost: int, monkeypatch: pytest.MonkeyPatch) -
             assert source.open().wrench
         source.close()
     assert len(tried) == min(lost + 1, 3)
+
+
+def test_who_closes_waits_for_no_connection() -> None:
+    """An attempt takes a second: so long nothing was closed."""
+    with socket.create_server(("127.0.0.1", 0), backlog=0) as full, socket.socket() as one, socket.socket() as other:
+        for client in (one, other):  # there is no room for a third
+            client.setblocking(False)
+            client.connect_ex(full.getsockname())
+        source = source_of(f"sri://127.0.0.1:{full.getsockname()[1]}")
+        opens = Thread(target=refusal, args=(source,))
+        opens.start()
+        sleep(0.3)
+        begun = monotonic()
+        source.close()
+        opens.join()
+        assert monotonic() - begun < 0.5
 
 
 def test_a_gateway_to_a_serial_line_gives_what_that_can() -> None:

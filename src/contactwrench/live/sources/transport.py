@@ -30,9 +30,10 @@ BUFFER = 1 << 22
 """Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
 MOST_BYTES = 1 << 16
 LOOK = 0.1
-"""s that a wait for what comes lasts at most: so long `close` waits for it, and `TO_CONNECT` for a connection."""
+"""s that a wait for what comes, or for a connection, lasts at most: so long `close` waits for it."""
 NO_ANSWER = "no answer"
-REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: NO_ANSWER}
+IN_PROGRESS = errno.EINPROGRESS, errno.EWOULDBLOCK
+REASONS = {errno.ECONNREFUSED: "nobody listening", **dict.fromkeys((errno.ETIMEDOUT, *IN_PROGRESS), NO_ANSWER)}
 
 
 class Deadline:
@@ -174,15 +175,15 @@ class Tcp(Link):
         """An empty text, or why not."""
         with self._lock:
             made = self._use_socket(family, kind)
-            made.settimeout(min(deadline.left, TO_CONNECT) or 1e-3)  # with 0 it is "in progress", not "no answer"
-            try:
-                made.connect(address)
-                made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            except OSError as error:
+            made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            made.setblocking(False)
+            status, until = made.connect_ex(address), monotonic() + TO_CONNECT
+            while status in IN_PROGRESS and deadline.left and monotonic() < until:
+                if any(select([], [made], [made], LOOK)):
+                    status = made.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+            if status:
                 self._drop()
-                status = error.errno or errno.ETIMEDOUT
-                return REASONS.get(status) or os.strerror(status).lower()
-            return ""
+            return (REASONS.get(status) or os.strerror(status).lower()) if status else ""
 
     def _cut(self, error: OSError | None) -> DeviceError:
         why = f" ({(error.strerror or str(error)).lower()})" if error is not None else ""
