@@ -52,10 +52,11 @@ class Verification(Frozen, WithFindings):
     """How a recording agrees with a calibration.
 
     `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
-    norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds, of
-    the residuals or of the weighings, whichever is the less probable; the limits asked for, N and N m; `weighings`, one
-    a load; `passed`, and the `reason` in words. `bias`: what of the residuals a moved bias explains, None for a single
-    pose. `findings`: what was left out, a bias that moved, poses that are off.
+    norms; `chi2` per reading (1 expected) of the residuals, of the part of them that another tool, mounting or bias
+    makes, or of the weighings, whichever is the least probable, and the `probability` of one of these so far off if the
+    calibration holds; the limits asked for, N and N m; `weighings`, one a load; `passed`, and the `reason` in words.
+    `bias`: what of the residuals a moved bias explains, None for a single pose. `findings`: what was left out, a bias
+    that moved, poses that are off.
     """
 
     residuals: Array
@@ -179,34 +180,30 @@ def verify(
             tests["residual less a bias that moves, as seen while calibrating,"] = rest
         else:
             tests["residual"] = whole
+            if bias is not None:
+                tests["part of the residual that another tool, mounting or bias makes"] = bias.changed
     force = float(np.linalg.norm(residuals[:, :3], axis=1).max(initial=0.0))
     torque = float(np.linalg.norm(residuals[:, 3:], axis=1).max(initial=0.0))
     judged = min(tests, key=lambda name: tests[name].probability)
     test = tests[judged]
+    probability = min(1.0, len(tests) * test.probability)
     if limit_force is None and limit_torque is None:
-        passed = test.probability >= SIGNIFICANCE
+        passed = probability >= SIGNIFICANCE
         reason = (
             f"the {judged} is {'no more' if passed else 'more'} than the calibration's covariance and noise explain "
-            f"(chi-square {test.chi2:.3g} per reading, probability {percent(test.probability)}{test.caution})"
+            f"(chi-square {test.chi2:.3g} per reading, probability {percent(probability)}{test.caution})"
         )
     else:
         if not poses:
             raise InputError(f"{samples.source}: found poses with a load only, expected free ones to hold to a limit")
-        held_to = (("force", force, limit_force, "N"), ("torque", torque, limit_torque, "N m"))
-        exceeded = [
-            f"{name} {value:.3g} {unit} over {limit:g}"
-            for name, value, limit, unit in held_to
-            if limit is not None and value > limit
-        ]
-        passed = not exceeded
-        reason = "every pose is within the limits" if passed else f"largest {' and '.join(exceeded)}"
+        passed, reason = _within(("force", force, limit_force, "N"), ("torque", torque, limit_torque, "N m"))
     return Verification(
         residuals=residuals,
         rms=np.sqrt(np.mean(residuals**2, axis=0)) if poses else np.zeros(6),
         largest_force=force,
         largest_torque=torque,
         chi2=test.chi2,
-        probability=test.probability,
+        probability=probability,
         limit_force=limit_force,
         limit_torque=limit_torque,
         weighings=weighings,
@@ -215,6 +212,16 @@ def verify(
         bias=bias,
         findings=tuple(findings),
     )
+
+
+def _within(*held_to: tuple[str, float, float | None, str]) -> tuple[bool, str]:
+    """Whether each (name, value, limit, unit) is within its limit, and so in words."""
+    exceeded = [
+        f"{name} {value:.3g} {unit} over {limit:g}"
+        for name, value, limit, unit in held_to
+        if limit is not None and value > limit
+    ]
+    return not exceeded, f"largest {' and '.join(exceeded)}" if exceeded else "every pose is within the limits"
 
 
 def _moves_so(calibration: Calibration, bias: BiasShift) -> bool:

@@ -55,7 +55,7 @@ class BiasShift(Frozen):
     explains, and no other tool or mounting would do as well; `with_other`: whether with one of these, near those of
     the calibration, it explains all; `with_any`: whether any matrix does, as model `affine` has it, be it of another
     sensor or of a mounting that turned far; `times_noise`: by how much, as a factor, poses differ more than when
-    calibrating, whatever it is; 0: not known.
+    calibrating, whatever it is; 0: not known; `changed`: the test of what another tool and mounting explain with it.
     """
 
     shift: Array
@@ -69,6 +69,7 @@ class BiasShift(Frozen):
     with_other: bool
     with_any: bool
     times_noise: float
+    changed: MisfitTest
 
     @property
     def finding(self) -> Finding | None:
@@ -174,6 +175,7 @@ def held_against(
         with_other=left - 6 >= LEAST_LEFT and with_bias.probability >= SIGNIFICANCE,
         with_any=left_by_any >= LEAST_LEFT and with_any.probability >= SIGNIFICANCE,
         times_noise=float(np.sqrt(with_any.chi2)) if left_by_any >= LEAST_LEFT else 0.0,
+        changed=MisfitTest(by_all[0], by_all[1], dof),
     )
 
 
