@@ -76,15 +76,10 @@ def as_the_wrench_is_stamped(s: State, ring: Matrix, now: float, fresh: bool) ->
     being late, the turn of the last moments is carried on; that is wrong by half the angular acceleration times
     delay times (delay + the time looked back), as `miss` finds it.
     """
-    size, down = len(ring), s.down
-    if fresh:
-        s.ring_next = s.ring_at = 0
-    newest, at = s.ring_next, s.ring_at
+    down = s.down
+    newest, s.ring_next, at = room_in(ring, s.ring_next, s.ring_at, fresh)
     entry = ring[newest]
     entry[0], entry[1], entry[2], entry[3] = now, down[0], down[1], down[2]
-    s.ring_next = (newest + 1) % size
-    if at == newest and not fresh:
-        at = (newest + 1) % size
     at, after, share = looked_up(ring, 0, at, newest, now - s.look_back)
     s.ring_at = at
     older, later = ring[at], ring[after]
@@ -107,14 +102,12 @@ def miss(s: State, ring: Matrix, newest: int, now: float, fresh: bool) -> None:
     how it changes, as much as within a delay; and whatever way as much as that changes. All three go beside down, into
     `s.down`, and through the filters that it goes through; none before enough of the past is known.
     """
-    size, down, missed, changed = len(ring), s.down, s.missed[0], s.missed[1]
-    at = newest if fresh else s.missed_at
-    if at == newest and not fresh:
-        at = (newest + 1) % size
+    down, missed, changed = s.down, s.missed[0], s.missed[1]
+    _, _, at = room_in(ring, newest, s.missed_at, fresh)
     at, after, share = looked_up(ring, 0, at, newest, now + s.delay)
     s.missed_at = at
     older, later = ring[at], ring[after]
-    since = 0.0 if fresh else now - ring[(newest - 1) % size][0]
+    since = 0.0 if fresh else now - ring[(newest - 1) % len(ring)][0]
     follows, known = since / (since - s.delay), now - s.past >= s.poses_from
     for k in range(3):
         off = older[4 + k] + share * (later[4 + k] - older[4 + k]) - down[k]
@@ -129,16 +122,20 @@ def miss(s: State, ring: Matrix, newest: int, now: float, fresh: bool) -> None:
 @kernel
 def keep_terms(s: State, ring: Matrix, when: float, fresh: bool) -> None:
     """Put the terms, which are those of a moment, into the ring; a `fresh` one forgets what was before."""
-    newest = 0 if fresh else s.motion_next
-    if fresh:
-        s.motion_at = 0
-    elif s.motion_at == newest:
-        s.motion_at = (newest + 1) % len(ring)
-    s.motion_next = (newest + 1) % len(ring)
+    newest, s.motion_next, s.motion_at = room_in(ring, s.motion_next, s.motion_at, fresh)
     entry = ring[newest]
     entry[OF_DOWN] = when
     for k in range(TERMS):
         entry[OF_DOWN + 1 + k] = s.terms[k]
+
+
+@kernel
+def room_in(ring: Matrix, newest: int, at: int, fresh: bool) -> tuple[int, int, int]:
+    """Where in a ring the newest entry goes, and then the next; and from where on to look up, which was `at`: what is
+    there may be overwritten. A `fresh` one begins anew.
+    """
+    after = 1 if fresh else (newest + 1) % len(ring)
+    return 0 if fresh else newest, after, 0 if fresh else after if at == newest else at
 
 
 @kernel
