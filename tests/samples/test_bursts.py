@@ -14,6 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import contactwrench as cw
+from contactwrench.assess.verify import verify
+from contactwrench.assess.weigh import weigh
 from contactwrench.errors import InputError
 from contactwrench.samples.bursts import bursts_in, spread
 from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
@@ -162,6 +164,20 @@ def test_a_recording_is_calibrated_as_if_it_had_come_evenly(tmp_path_factory: py
     assert even.delay is not None
     emptied = 5e-5 * (each * 250.0 - 1.0) + 0.001 + 0.002  # the last row of a burst was taken 4 ms before the next
     assert bursts.delay - even.delay == pytest.approx(emptied, abs=0.0025)
+
+
+@pytest.mark.parametrize("each", [0.2, 0.5])
+def test_arrays_are_verified_weighed_and_given_a_new_zero_as_even_ones_are(each: float) -> None:
+    rig, _, rng = example(8)
+    went = stop_and_go(rig, rng, 100.0)
+    even = cw.Samples(went.wrench, went.R_base_flange, went.t)
+    bursts = replace(even, t=handed_on(went.t, each, rng))
+    known = cw.calibrate(even, "mount")
+    assert verify(known, bursts).passed
+    assert len(verify(known, bursts).residuals) == len(verify(known, even).residuals)
+    assert weigh(known, bursts).mass == pytest.approx(weigh(known, even).mass, abs=weigh(known, even).mass_std)
+    anew = [cw.calibrate(samples, prior=known).bias for samples in (even, bursts)]
+    assert anew[1] == pytest.approx(anew[0], abs=1e-2)
 
 
 def test_a_table_of_rows_that_have_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

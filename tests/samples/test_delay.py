@@ -31,7 +31,7 @@ NEAR = 0.1
 """Searched to both sides, s, where the range is not what is asked: ten times less work than the default."""
 
 
-def _shifted(streams: Streams, by: float) -> Streams:
+def _shifted(streams: Streams, by: float | Array) -> Streams:
     return Streams(WrenchStream(streams.wrench.t + by, streams.wrench.wrench), streams.orientation)
 
 
@@ -109,6 +109,16 @@ def test_correlated_noise_widens_the_std() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [13, 14])
+def test_where_a_clock_runs_off_the_std_covers_the_delays_of_begin_and_end(seed: int) -> None:
+    streams, off = gravity_alone(seed, duration=20.0), 5e-4
+    found = estimate_delay(_shifted(streams, off * streams.wrench.t), within=NEAR)
+    assert abs(found.value - TRUE - 0.5 * off * 20.0) < 0.5 * found.std
+    assert abs(found.value - TRUE) < 4.0 * found.std
+    assert abs(found.value - TRUE - off * 20.0) < 4.0 * found.std
+    assert estimate_delay(streams, within=NEAR).std < 0.2 * found.std
+
+
 def test_contacts_count_little() -> None:
     streams = gravity_alone(5)
     rng = np.random.default_rng(5)

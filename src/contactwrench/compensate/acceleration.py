@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, numbers
-from .delay import looked_up
+from .delay import looked_up, room_in
 from .filters import LowPass
 from .state import OF_DOWN, OF_MOTION, Matrix, Row, Sample, State, kernel
 
@@ -96,14 +96,10 @@ def tells_more(s: State, told: Row, now: float) -> bool:
 @kernel
 def keep_reading(s: State, ring: Matrix, now: float) -> None:
     """Put it into the ring; one that begins anew forgets what was before."""
-    newest, when = s.felt_next, now - s.felt_late
-    s.felt_passed = s.interval if s.felt_anew else when - ring[(newest - 1) % len(ring)][FELT]
-    if s.felt_anew:
-        newest = s.felt_at = 0
-    elif s.felt_at == newest:
-        s.felt_at = (newest + 1) % len(ring)
-    s.felt_next, s.felt_anew = (newest + 1) % len(ring), False
-    entry = ring[newest]
+    when = now - s.felt_late
+    s.felt_passed = s.interval if s.felt_anew else when - ring[(s.felt_next - 1) % len(ring)][FELT]
+    newest, s.felt_next, s.felt_at = room_in(ring, s.felt_next, s.felt_at, s.felt_anew)
+    entry, s.felt_anew = ring[newest], False
     entry[FELT] = when
     for k in range(3):
         entry[FELT + 1 + k] = s.specific_force[k]

@@ -14,10 +14,9 @@ from ..geometry.ranges import Range
 from ..samples.poses import SAME_POSE_ANGLE
 from .bias_tracking import CREEP, RECOVERY, REMNANT, SAME_SECONDS, SETTLED, SETTLED_LATE, predict, whiten
 from .contact_wrenches import FREE, TOUCHING, Contact
-from .delay import whiten_turn
 from .faults import FINE, SAME
 from .noise import SampleNoise, learn_noise
-from .shaking import of_motion, whiten_shaking
+from .shaking import LINEAR, of_motion, weigh_stray
 from .state import COVARIANCE, ENDED, THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
@@ -112,9 +111,9 @@ def renew_covariance(s: State, sample: Sample, restart: bool, inertia: bool | No
         s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k]) if s.knows_noise else nan
     whiten(s.systematic, s.noise_left, s.whitening)
     if inertia is not None:
-        whiten_shaking(s)
+        weigh_stray(s, s.D, LINEAR)
     else:
-        whiten_turn(s)
+        weigh_stray(s, s.B, 0)
     dof = satterthwaite(s.whitening, s.systematic, s.dof)
     s.fire, s.end, s.begin = threshold_at(s.fires, dof), threshold_at(s.ends, dof), threshold_at(s.begins, dof)
     for k in range(9):

@@ -14,7 +14,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY, DELAY_STD, LAG
 from ..samples.delay import is_significant
 from .filters import LowPass, low_pass
-from .state import OF_DOWN, OF_FELT, OF_MOTION, TERMS, Matrix, Row, State, kernel
+from .state import OF_DOWN, OF_FELT, OF_MOTION, TERMS, Matrix, State, kernel
 
 LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
@@ -76,15 +76,10 @@ def as_the_wrench_is_stamped(s: State, ring: Matrix, now: float, fresh: bool) ->
     being late, the turn of the last moments is carried on; that is wrong by half the angular acceleration times
     delay times (delay + the time looked back), as `miss` finds it.
     """
-    size, down = len(ring), s.down
-    if fresh:
-        s.ring_next = s.ring_at = 0
-    newest, at = s.ring_next, s.ring_at
+    down = s.down
+    newest, s.ring_next, at = room_in(ring, s.ring_next, s.ring_at, fresh)
     entry = ring[newest]
     entry[0], entry[1], entry[2], entry[3] = now, down[0], down[1], down[2]
-    s.ring_next = (newest + 1) % size
-    if at == newest and not fresh:
-        at = (newest + 1) % size
     at, after, share = looked_up(ring, 0, at, newest, now - s.look_back)
     s.ring_at = at
     older, later = ring[at], ring[after]
@@ -107,14 +102,12 @@ def miss(s: State, ring: Matrix, newest: int, now: float, fresh: bool) -> None:
     how it changes, as much as within a delay; and whatever way as much as that changes. All three go beside down, into
     `s.down`, and through the filters that it goes through; none before enough of the past is known.
     """
-    size, down, missed, changed = len(ring), s.down, s.missed[0], s.missed[1]
-    at = newest if fresh else s.missed_at
-    if at == newest and not fresh:
-        at = (newest + 1) % size
+    down, missed, changed = s.down, s.missed[0], s.missed[1]
+    _, _, at = room_in(ring, newest, s.missed_at, fresh)
     at, after, share = looked_up(ring, 0, at, newest, now + s.delay)
     s.missed_at = at
     older, later = ring[at], ring[after]
-    since = 0.0 if fresh else now - ring[(newest - 1) % size][0]
+    since = 0.0 if fresh else now - ring[(newest - 1) % len(ring)][0]
     follows, known = since / (since - s.delay), now - s.past >= s.poses_from
     for k in range(3):
         off = older[4 + k] + share * (later[4 + k] - older[4 + k]) - down[k]
@@ -129,16 +122,20 @@ def miss(s: State, ring: Matrix, newest: int, now: float, fresh: bool) -> None:
 @kernel
 def keep_terms(s: State, ring: Matrix, when: float, fresh: bool) -> None:
     """Put the terms, which are those of a moment, into the ring; a `fresh` one forgets what was before."""
-    newest = 0 if fresh else s.motion_next
-    if fresh:
-        s.motion_at = 0
-    elif s.motion_at == newest:
-        s.motion_at = (newest + 1) % len(ring)
-    s.motion_next = (newest + 1) % len(ring)
+    newest, s.motion_next, s.motion_at = room_in(ring, s.motion_next, s.motion_at, fresh)
     entry = ring[newest]
     entry[OF_DOWN] = when
     for k in range(TERMS):
         entry[OF_DOWN + 1 + k] = s.terms[k]
+
+
+@kernel
+def room_in(ring: Matrix, newest: int, at: int, fresh: bool) -> tuple[int, int, int]:
+    """Where in a ring the newest entry goes, and then the next; and from where on to look up, which was `at`: what is
+    there may be overwritten. A `fresh` one begins anew.
+    """
+    after = 1 if fresh else (newest + 1) % len(ring)
+    return 0 if fresh else newest, after, 0 if fresh else after if at == newest else at
 
 
 @kernel
@@ -158,7 +155,7 @@ def looked_up(ring: Matrix, column: int, at: int, newest: int, wanted: float) ->
 def follow_turn(s: State, now: float, passed: float, fresh: bool, fresh_pose: bool) -> bool:
     """How fast down turns, behind the sensor's own filter, `passed` s after the sample before, and the wrench (6,) that
     is made of it, behind the low-pass, by a delay one standard deviation off and by the age of an orientation that is
-    held; with it what is missed where down is carried on: as a covariance of down, `of_turn`. Whether they count.
+    held; with it what is missed where down is carried on: as a covariance of down, `stray`. Whether they count.
     Nothing is learned of the bias where they are beyond the noise.
     """
     down, last, down_rate, counts = s.down, s.last_down, s.down_rate, False
@@ -187,8 +184,8 @@ def follow_turn(s: State, now: float, passed: float, fresh: bool, fresh_pose: bo
     whatever = off[9] * off[9] + off[10] * off[10] + off[11] * off[11]
     for k in range(3):
         for i in range(k + 1):
-            s.of_turn[k][i] = off[k] * off[i] + off[3 + k] * off[3 + i] + off[6 + k] * off[6 + i]
-        s.of_turn[k][k] += whatever
+            s.stray[k][i] = off[k] * off[i] + off[3 + k] * off[3 + i] + off[6 + k] * off[6 + i]
+        s.stray[k][k] += whatever
     for k in range(6):
         B, at_rest = s.B[k], s.systematic[k][k] + s.noise_left[k]
         of_motion = whatever * (B[0] * B[0] + B[1] * B[1] + B[2] * B[2])
@@ -213,53 +210,3 @@ def age_of_orientation(s: State, now: float) -> float:
     if s.delay == 0.0 or s.turn_usual < 1.5 * s.interval:
         return now - s.turn_time
     return s.turn_usual if s.delay > 0.0 else 2.0 * s.turn_usual
-
-
-@kernel
-def whiten_turn(s: State) -> None:
-    """How far a contact wrench lies along that of each part of down, weighed by its covariance at rest S: `by_down`
-    (3, 6), B^T S^-1, and `down_gram` (3, 3), B^T S^-1 B.
-    """
-    for axis in range(3):
-        row = s.by_down[axis]
-        for k in range(6):
-            row[k] = 0.0
-        for i in range(6):
-            W, white = s.whitening[i], 0.0
-            for k in range(i + 1):
-                white += W[k] * s.B[k][axis]
-            for k in range(i + 1):
-                row[k] += W[k] * white
-        for other in range(3):
-            total = 0.0
-            for k in range(6):
-                total += row[k] * s.B[k][other]
-            s.down_gram[axis][other] = total
-
-
-@kernel
-def explained_by_turn(s: State, wrench: Row) -> float:
-    """By how much the statistic of a contact wrench is less, as a delay that is off, and a turn that is carried on, may
-    make some of it: its covariance grows by `B L L^T B^T`, where L L^T is that of down (Woodbury, 1950).
-    """
-    K, G, to_x, to_y, to_z = s.of_turn, s.down_gram, s.by_down[0], s.by_down[1], s.by_down[2]
-    x = y = z = 0.0
-    for k in range(6):
-        felt = wrench[k]
-        x, y, z = x + to_x[k] * felt, y + to_y[k] * felt, z + to_z[k] * felt
-    # Cholesky's L, of less than full rank where down turns about one axis: rows a; b d; c e f.
-    a = sqrt(K[0][0])
-    b, c = (K[1][0] / a, K[2][0] / a) if a > 0.0 else (0.0, 0.0)
-    d = sqrt(max(K[1][1] - b * b, 0.0))
-    e = (K[2][1] - b * c) / d if d > 0.0 else 0.0
-    f = sqrt(max(K[2][2] - c * c - e * e, 0.0))
-    x, y, z = a * x + b * y + c * z, d * y + e * z, f * z
-    # 1 + L^T G L, and Gauss: each row less what the rows before have of it.
-    p, q, r = G[0][0] * a + G[0][1] * b + G[0][2] * c, G[0][1] * d + G[0][2] * e, G[0][2] * f
-    t, u, v = G[1][0] * a + G[1][1] * b + G[1][2] * c, G[1][1] * d + G[1][2] * e, G[1][2] * f
-    g, h, w = G[2][0] * a + G[2][1] * b + G[2][2] * c, G[2][1] * d + G[2][2] * e, G[2][2] * f
-    xx, xy, xz = 1.0 + a * p + b * t + c * g, a * q + b * u + c * h, a * r + b * v + c * w
-    yy, yz, zz = 1.0 + d * u + e * h - xy * xy / xx, d * v + e * w - xy * xz / xx, 1.0 + f * w - xz * xz / xx
-    y, z, zz = y - xy / xx * x, z - xz / xx * x, zz - yz * yz / yy
-    z -= yz / yy * y
-    return x * x / xx + y * y / yy + z * z / zz

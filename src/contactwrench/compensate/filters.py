@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import ceil, exp, pi
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..geometry.arrays import Array
@@ -73,13 +74,12 @@ class LowPass:
 
         return np.asarray(butter(self.order, self.cutoff, fs=rate, output="sos"))
 
-    def noise_gain(self, rate: float) -> float:
-        """What is left of the variance of white noise at a `rate`, Hz: 0 to 1."""
+    def noise_gain(self, rate: float, pulse: ArrayLike = (1.0,)) -> float:
+        """What is left of the variance of noise at a `rate`, Hz, that is white pulses of this shape: 0 to 1."""
         from scipy.signal import sosfilt
 
-        impulse = np.zeros(ceil(SETTLED * self.settles_in(rate)))
-        impulse[0] = 1.0
-        return float(np.sum(sosfilt(self.sections(rate), impulse) ** 2))
+        shown = sosfilt(self.sections(rate), np.r_[pulse, np.zeros(ceil(SETTLED * self.settles_in(rate)))])
+        return float(np.sum(shown**2) / np.sum(np.square(pulse)))
 
     def settles_in(self, rate: float) -> int:
         """Samples at a `rate`, Hz, after which 1 % is left of its start: a period of the cut-off for each order."""
@@ -155,15 +155,7 @@ def gains_of_poses(low_pass: LowPass | None, rate: float | None) -> list[float]:
     """
     if low_pass is None or rate is None:
         return [1.0] * OCTAVES_HELD
-    from scipy.signal import sosfilt
-
-    gains: list[float] = []
-    sections = low_pass.sections(rate)
-    for held in 2 ** np.arange(OCTAVES_HELD):
-        pulse = np.repeat([1.0, -2.0, 1.0], held)
-        rest = np.zeros(4 * low_pass.settles_in(rate))
-        gains.append(float(np.sum(sosfilt(sections, np.r_[pulse, rest]) ** 2)) / (6.0 * held))
-    return gains
+    return [low_pass.noise_gain(rate, np.repeat([1.0, -2.0, 1.0], 2**octave)) for octave in range(OCTAVES_HELD)]
 
 
 @kernel

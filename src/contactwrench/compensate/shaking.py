@@ -22,7 +22,7 @@ from ..calibration.dynamics import ACCELERATION
 from ..geometry.arrays import Array
 from ..samples.flange_motion import RINGING, FlangeMotion
 from .filters import low_pass
-from .state import Sample, State, kernel
+from .state import Matrix, Row, Sample, State, kernel
 
 LINEAR: int = ACCELERATION.start
 """Of the terms, the first of the flange's acceleration."""
@@ -38,33 +38,35 @@ def known_motion(calibration: Calibration, orientation: ArrayLike, motion: Flang
 
 
 @kernel
-def whiten_shaking(s: State) -> None:
-    """The wrench of a shaking acceleration along each axis, whitened as the contact wrench at rest is, and its Gram
-    matrix.
+def weigh_stray(s: State, wrench_of: Matrix, first: int) -> None:
+    """How far a contact wrench lies along each of three that motion makes astray, A (6, 3), weighed by its covariance
+    at rest S: `by_stray` (3, 6), A^T S^-1, and `stray_gram` (3, 3), A^T S^-1 A. A are three columns of a matrix, from
+    the `first` on: of B, of down that is off; or of D, of an acceleration that shakes.
     """
-    whitened, gram = s.shaken_whitened, s.shaken_gram
-    for i in range(6):
-        row = s.whitening[i]
-        for axis in range(3):
-            total = 0.0
-            for k in range(i + 1):
-                total += row[k] * s.D[k][LINEAR + axis]
-            whitened[i][axis] = total
     for axis in range(3):
-        for other in range(axis + 1):
+        row = s.by_stray[axis]
+        for k in range(6):
+            row[k] = 0.0
+        for i in range(6):
+            W, white = s.whitening[i], 0.0
+            for k in range(i + 1):
+                white += W[k] * wrench_of[k][first + axis]
+            for k in range(i + 1):
+                row[k] += W[k] * white
+        for other in range(3):
             total = 0.0
-            for i in range(6):
-                total += whitened[i][axis] * whitened[i][other]
-            gram[axis][other] = total
+            for k in range(6):
+                total += row[k] * wrench_of[k][first + other]
+            s.stray_gram[axis][other] = total
 
 
 @kernel
 def noise_of_motion(s: State, sample: Sample, fresh: bool) -> float:
     """By what share the variance of a contact wrench grows in motion, but for what shakes, on the axis where it grows
-    most; writes the variance of the shaking acceleration, `s.shaken`, and all that motion adds to that of the turn,
-    `s.of_motion`: what shakes, by what an accelerometer is off, what is not known of the inertia, the noise of poses
-    behind the low-pass, which a `fresh` sample begins anew, and by how much the terms are older than the wrench, or
-    were for as long as it remembers that.
+    most; writes the variance of the shaking acceleration, `s.shaken`, and `s.stray`, of what has grown a share, in
+    place of the turn's; and all that motion adds to that of the turn, `s.of_motion`: what shakes, by what an
+    accelerometer is off, what is not known of the inertia, the noise of poses behind the low-pass, which a `fresh`
+    sample begins anew, and by how much the terms are older than the wrench, or were for as long as it remembers that.
     """
     terms, most = s.seen, 0.0
     given, of_motion, noise, shaken_by = sample.motion_variance, s.of_motion, s.pose_noise, s.shaken_by
@@ -104,32 +106,39 @@ def noise_of_motion(s: State, sample: Sample, fresh: bool) -> float:
         most = max(most, variance / at_rest)
         if of_motion[k] > at_rest:
             s.spoiled = True
+    for i in range(3):
+        for k in range(i):
+            s.stray[i][k] = 0.0
+        s.stray[i][i] = shaken / (1.0 + most)
     return most
 
 
 @kernel
-def statistic_in_motion(s: State, sample: Sample, growth: float) -> float:
-    """`f^T C^-1 f` of a contact wrench f, for C = (1 + growth) S + shaken L L^T: S its covariance at rest, L (6, 3) the
-    wrenches of a shaking acceleration (inversion lemma, in axes whitened by S).
+def explained_in_motion(s: State, wrench: Row) -> float:
+    """By how much the statistic of a contact wrench is less, as motion may make some of it: its covariance grows by
+    `A L L^T A^T`, where L L^T is `stray`, that of down, or of an acceleration (Woodbury, 1950).
     """
-    wrench, gram, power = sample.wrench, s.shaken_gram, s.shaken / (1.0 + growth)
-    squared = x = y = z = 0.0
-    for i in range(6):
-        row, along, white = s.whitening[i], s.shaken_whitened[i], 0.0
-        for k in range(i + 1):
-            white += row[k] * wrench[k]
-        squared += white * white
-        x, y, z = x + along[0] * white, y + along[1] * white, z + along[2] * white
-    # Cholesky of 1 + power * gram, and forward substitution.
-    a = sqrt(1.0 + power * gram[0][0])
-    b, c = power * gram[1][0] / a, power * gram[2][0] / a
-    d = sqrt(1.0 + power * gram[1][1] - b * b)
-    e = (power * gram[2][1] - c * b) / d
-    g = sqrt(1.0 + power * gram[2][2] - c * c - e * e)
-    x = x / a
-    y = (y - b * x) / d
-    z = (z - c * x - e * y) / g
-    return (squared - power * (x * x + y * y + z * z)) / (1.0 + growth)
+    K, G, to_x, to_y, to_z = s.stray, s.stray_gram, s.by_stray[0], s.by_stray[1], s.by_stray[2]
+    x = y = z = 0.0
+    for k in range(6):
+        felt = wrench[k]
+        x, y, z = x + to_x[k] * felt, y + to_y[k] * felt, z + to_z[k] * felt
+    # Cholesky's L, of less than full rank where down turns about one axis: rows a; b d; c e f.
+    a = sqrt(K[0][0])
+    b, c = (K[1][0] / a, K[2][0] / a) if a > 0.0 else (0.0, 0.0)
+    d = sqrt(max(K[1][1] - b * b, 0.0))
+    e = (K[2][1] - b * c) / d if d > 0.0 else 0.0
+    f = sqrt(max(K[2][2] - c * c - e * e, 0.0))
+    x, y, z = a * x + b * y + c * z, d * y + e * z, f * z
+    # 1 + L^T G L, and Gauss: each row less what the rows before have of it.
+    p, q, r = G[0][0] * a + G[0][1] * b + G[0][2] * c, G[0][1] * d + G[0][2] * e, G[0][2] * f
+    t, u, v = G[1][0] * a + G[1][1] * b + G[1][2] * c, G[1][1] * d + G[1][2] * e, G[1][2] * f
+    g, h, w = G[2][0] * a + G[2][1] * b + G[2][2] * c, G[2][1] * d + G[2][2] * e, G[2][2] * f
+    xx, xy, xz = 1.0 + a * p + b * t + c * g, a * q + b * u + c * h, a * r + b * v + c * w
+    yy, yz, zz = 1.0 + d * u + e * h - xy * xy / xx, d * v + e * w - xy * xz / xx, 1.0 + f * w - xz * xz / xx
+    y, z, zz = y - xy / xx * x, z - xz / xx * x, zz - yz * yz / yy
+    z -= yz / yy * y
+    return x * x / xx + y * y / yy + z * z / zz
 
 
 def of_motion(s: Any) -> Array:

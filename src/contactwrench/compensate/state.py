@@ -188,18 +188,16 @@ class State:
     down_rate: Row = numbers(3)
     turned_by: Row = numbers(TERMS)
     turn_memory: Matrix = numbers(2 * SECTIONS, TERMS)
-    of_turn: Matrix = numbers(3, 3)
-    by_down: Matrix = numbers(3, 6)
-    down_gram: Matrix = numbers(3, 3)
 
-    # What shakes it, as in shaking.py.
+    # What shakes it, and the test in motion, as in shaking.py.
     shaking: Matrix = numbers(2, 2)
     shaken_by: Row = numbers(6)
     stirred: Row = numbers(2)
     shaken: float = 0.0
     of_motion: Row = numbers(6)
-    shaken_whitened: Matrix = numbers(6, 3)
-    shaken_gram: Matrix = numbers(3, 3)
+    stray: Matrix = numbers(3, 3)
+    by_stray: Matrix = numbers(3, 6)
+    stray_gram: Matrix = numbers(3, 3)
 
     # Faults of the reading and of the orientation.
     last_reading: Row = numbers(6)

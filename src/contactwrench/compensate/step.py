@@ -9,12 +9,12 @@ from .acceleration import LONGEST_SILENCE
 from .bias_tracking import MOST_TO_SETTLE, learn
 from .contact_detection import far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
-from .delay import as_the_wrench_is_stamped, explained_by_turn, follow_turn
+from .delay import as_the_wrench_is_stamped, follow_turn
 from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, SILENT, STUCK, standing_still, unreadable
 from .filters import low_pass
 from .inertia import exerted, follow_motion, take_pose, terms_then
 from .noise import BLOCK_SECONDS
-from .shaking import noise_of_motion, statistic_in_motion
+from .shaking import explained_in_motion, noise_of_motion
 from .state import ANOTHER, MOST_INTERVALS, RATE_FOUND, TERMS, Matrix, Sample, State, kernel
 
 HOTTEST = 1e4
@@ -176,12 +176,10 @@ def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool, inertia:
 def weigh(s: State, sample: Sample, passed: float, fresh: bool, fresh_pose: bool, inertia: bool | None) -> None:
     """The statistic of the contact wrench and its std; in motion both know what is noisier then."""
     moving = follow_turn(s, sample.time, passed, fresh, fresh_pose) or inertia is not None
-    if inertia is not None:
-        sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample, fresh))
-    else:
-        sample.statistic = statistic_of(sample.wrench, s.whitening)
-        if moving:
-            sample.statistic -= explained_by_turn(s, sample.wrench)
+    growth = 0.0 if inertia is None else noise_of_motion(s, sample, fresh)
+    sample.statistic = statistic_of(sample.wrench, s.whitening)
+    if moving:
+        sample.statistic = (sample.statistic - explained_in_motion(s, sample.wrench)) / (1.0 + growth)
     for k in range(6):
         at_rest = s.wrench_std[k]
         sample.wrench_std[k] = sqrt(at_rest * at_rest + s.of_motion[k]) if moving else at_rest

@@ -25,7 +25,6 @@ from ..geometry.ranges import TILT_STD, G
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import parameters_of, yaw_of_mounting
 from ..samples.agreement import agreed, few_repeats
-from ..samples.bursts import even_rows
 from ..samples.delay import with_delay_of_rows, with_known_delay
 from ..samples.poses import Pose, averaged, moments_of_poses
 from ..samples.recorded_poses import RecordedPoses, is_stream, recorded_poses, resting_poses
@@ -180,7 +179,7 @@ def _with_prior(question: Question, prior: Calibration, gravity: tuple[Any, Any]
     other, model = f"prior is {type(prior).__name__}, expected a Calibration: cw.Calibration.load(path)", question.model
     two = f"an earlier calibration brings its model, and model {model} is asked for: leave one out"
     refuse((not isinstance(prior, Calibration), other), (model not in ("auto", "dynamic"), two))
-    rows = min((pose.n for pose in resting_poses(samples)), default=1)
+    rows = min((pose.n for pose in resting_poses(contact_free(samples)[0])), default=1)
     knowledge, noise = known_of(prior, rows, gravity)
     return replace(
         question,
@@ -195,7 +194,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> FittedReco
     """Poses and the estimate from them, robust, not yet checked: visits where the bias moved. Raises `InputError`."""
     require_samples(samples)
     G.require(g, "g")
-    free, findings = contact_free(samples := even_rows(samples)[0])
+    free, findings = contact_free(samples)
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
     free = with_delay_of_rows(free) if (stream := is_stream(samples)) else free
     recorded = recorded_poses(free, MOST_VISITS, stream)

@@ -12,6 +12,7 @@ from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..geometry.ranges import likely_unit
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
+from ..samples.bursts import even_rows
 from ..samples.creep import Creep
 from ..samples.delay import TWO_CLOCKS, is_significant
 from ..samples.poses import SAME_POSE_ANGLE, Pose
@@ -180,8 +181,8 @@ def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Arr
 
 
 def usable(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
-    """The rows without saturation and spikes, and what was left out."""
-    samples, notes = samples.unsaturated()
+    """The rows without saturation and spikes, in even times where they came in bursts, and what was left out."""
+    samples, notes = even_rows(samples)[0].unsaturated()
     findings = tuple(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes)
     if (spiked := spikes(samples)).any():
         text = (

@@ -86,6 +86,12 @@ def rotation_vectors(R: Array) -> Array:
     return angle[:, None] * axis
 
 
+def path_through(R: Array) -> Array:
+    """The path (n, 3), rad, through rotations (n, 3, 3): the rotation vectors from each to the next, summed."""
+    steps = rotation_vectors(R[:-1].transpose(0, 2, 1) @ R[1:])
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
 def _axis_and_angle(R: Array) -> tuple[Array, Array]:
     """Unit axes (n, 3), zero where there is none, and angles (n,), rad, 0 to pi."""
     axis = axes_of_turns(R)

@@ -112,9 +112,9 @@ def _goes_row_by_row(first: Block, calibration: Calibration, treatment: Treatmen
     """Whether a recording that begins with a block of pairs can be taken as it is, row by row."""
     if treatment.judged or not are_pairs(first):
         return False
-    evenly, of_bursts = even_rows(samples_of(first))
-    late = treatment.applied_delay(calibration) != 0.0 and (treatment.delay is not None or is_stream(evenly))
-    return not (late or (of_bursts and calibration.dynamics is not None))
+    samples = samples_of(first)
+    late = treatment.applied_delay(calibration) != 0.0 and (treatment.delay is not None or is_stream(samples))
+    return not (late or (calibration.dynamics is not None and even_rows(samples)[1]))
 
 
 def _with_zero_of(path: str | Path, options: Options, calibration: Calibration, seconds: float) -> Calibration:

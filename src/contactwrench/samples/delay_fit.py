@@ -28,8 +28,6 @@ CONTACT = 4.1
 """Standard deviations, of six axes at once: 1 % of free readings lie beyond (chi-square)."""
 MOST_STEPS, CLOSE = 40, 1e-7
 """The last step's size, s."""
-SLOWEST = 0.95
-"""Of a step's size to that of the one before, to reckon with in how far the rest of them goes (Aitken)."""
 ROUNDING = 1e-12
 """Of an axis' variance: numbers in a file are no closer."""
 STRUCTURED, UNKNOWN_ACCELERATIONS = 1.15, 3.0
@@ -174,19 +172,16 @@ def _weight(residual: Array, variance: Array) -> Array:
 
 def fitted(motion: ArmMotion, means: WrenchStream, delay: float, down: Array) -> DelayFit:
     """The best fit near `delay` and `down` (3,)."""
-    start, weight, before = down, np.ones(len(means.t)), np.inf
+    start, weight = down, np.ones(len(means.t))
     variance: Array | None = None
-    for k in range(MOST_STEPS):
+    for _ in range(MOST_STEPS):
         step, residual, fit = _step(motion, means, delay, down, start, weight, variance)
         weight = _weight(residual, fit.variance)
         variance = _variance(residual, means, weight)
         if not np.isfinite(fit.bound) or abs(step[0]) < CLOSE:
             break
-        ratio = float(step[0]) / before
-        share = 1.0 / (1.0 - ratio) if k % 3 == 2 and abs(ratio) < SLOWEST else 1.0
-        before = float(step[0])
-        delay += share * float(np.clip(step[0], -FINE, FINE))
-        down = down + share * step[1:]
+        delay += float(np.clip(step[0], -FINE, FINE))
+        down = down + step[1:]
         down = down / np.linalg.norm(down)
     return fit
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry.arrays import Array, Rows, column
-from ..geometry.rotations import rotation_vectors
+from ..geometry.rotations import path_through
 from ..geometry.wrench import cross_matrix
 from .accelerometer import Accelerometer
 from .motion import PRODUCTS
@@ -200,10 +200,7 @@ def _on_a_grid(
     R_base_flange: Array, position: Array, t: Array, rows: NDArray[np.intp], period: float
 ) -> tuple[NDArray[np.intp], Array]:
     """The rows of a section, and path and position (m, 6) on an even grid from the first of them."""
-    R, position = R_base_flange[rows], position[rows]
-    steps = rotation_vectors(R[:-1].transpose(0, 2, 1) @ R[1:])
-    signal = np.column_stack([np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]), position])
-    at = t[rows]
+    signal, at = np.column_stack([path_through(R_base_flange[rows]), position[rows]]), t[rows]
     grid = at[0] + period * np.arange(max(round((at[-1] - at[0]) / period) + 1, 2))
     return rows, np.stack([np.interp(grid, at, values) for values in signal.T], axis=1)
 

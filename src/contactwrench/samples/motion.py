@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
-from ..geometry.rotations import rotation_vectors
+from ..geometry.rotations import path_through, rotation_vectors
 from .buffer import Buffer, Nodes
 from .change_detection import NoiseOfMeans, Segment, noise_of_windows, segments_between_changes
 from .poses import SAME_POSE_ANGLE
@@ -277,5 +277,4 @@ def _blocks(samples: Samples, first: int, last: int, rows: int) -> Blocks:
     whole = slice(first, first + count * rows)
     wrench = samples.wrench[whole].reshape(count, rows, 6).mean(axis=1)
     R = samples.R_base_flange[whole].reshape(count, rows, 9).mean(axis=1).reshape(count, 3, 3)
-    steps = rotation_vectors(R[:-1].transpose(0, 2, 1) @ R[1:])
-    return Blocks(first, last, rows, wrench, np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
+    return Blocks(first, last, rows, wrench, path_through(R))

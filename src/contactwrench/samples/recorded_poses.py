@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import angles_between, rotation_log
+from .bursts import bursts_in, spread
 from .creep import MOST_STOPS, Creep, Stop, creep_of
 from .poses import SAME_POSE_ANGLE, Pose, averaged, cells_of, label_orientations, mean_poses, nearly_equal, visits
 from .samples import SLOWEST, Samples
@@ -61,10 +62,9 @@ def is_stream(samples: Samples) -> bool:
     """Whether samples were recorded through the moves of the arm, so that still segments must be found in them; else
     each row, or group of rows at one orientation, is a pose.
     """
-    t = samples.t
-    if t is None or len(t) < FEWEST_ROWS:
+    if samples.t is None or len(samples) < FEWEST_ROWS:
         return False
-    R = samples.R_base_flange
+    t, R = spread(samples.t, bursts_in(samples.t)), samples.R_base_flange
     step = np.diff(t)
     jump = (step < 0.0) | (step > SLOWEST) | (angles_between(R[:-1], R[1:]) > FASTEST_TURN * np.maximum(step, HOLD))
     jumps = np.r_[0, np.cumsum(jump)]
