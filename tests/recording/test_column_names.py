@@ -219,6 +219,13 @@ UNDECIDED = [
         "torque_z, r, p, y)",
     ),
     (
+        f"{WORDS},O,A,T",
+        "found no orientation columns, expected usual names, as qx qy qz qw: rename them, or --orientation "
+        "kawasaki_oat:O,A,T, or --wrench W.csv --pose P.csv (found force_x, force_y, force_z, torque_x, torque_y, "
+        "torque_z, O, A, T)",
+    ),
+    (f"{WORDS},time,T,{Q}", 'found "time" and "T" for t, expected one: choose with --time-column time'),
+    (
         f"{WORDS},roll,pitch,yaw,quat_x,quat_y,quat_z,quat_w",
         "found the columns of quat_xyzw and of rpy, expected one orientation: choose with --orientation quat_xyzw",
     ),

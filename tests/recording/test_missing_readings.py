@@ -233,7 +233,9 @@ def test_a_pose_without_its_orientation_is_not_put_between_its_neighbours(tmp_pa
     lines = csv_text(("t", *WRENCH, *MATRIX), np.column_stack([t, wrench, R.reshape(-1, 9)])[poses]).splitlines()
     lines[3] = ",".join([*lines[3].split(",")[:7], *[""] * 9])
     path, out = written(tmp_path, "\n".join([*lines, ""])), tmp_path / "out.csv"
-    np.testing.assert_allclose(cw.read(path).t, np.delete(t[poses], 2))
+    samples = cw.read(path)
+    assert samples.t is not None
+    np.testing.assert_allclose(samples.t, np.delete(t[poses], 2))
     run(capsys, "compensate", path, "-c", calibrated(tmp_path, 4), "-o", out)
     rows = list(csv.DictReader(out.read_text(encoding="utf-8").splitlines()))
     assert [row["valid"] for row in rows] == ["0" if k == 2 else "1" for k in range(len(poses))]

@@ -178,9 +178,10 @@ def time_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) 
         return (Column(table.places[name], name, 1.0, "t", "s"),)
     if naming.time_column is not None:
         return _stated_times(header, naming.time_column, taken)
-    if (by_usual_name := header.usual("t")) is not None:
-        return () if by_usual_name.place in taken else (header.column(by_usual_name, "t"),)
     found = [times for times in header.stamps() if all(each.place not in taken for each in times)]
+    usual = header.usual("t")
+    if usual is not None and usual.place not in taken and (usual.name != "T" or len(found) == 1):  # T: temperature
+        return (header.column(usual, "t"),)
     first = min(map(_preference, found), default=0)
     found = [times for times in found if _preference(times) == first]
     if len(found) > 1:
