@@ -77,6 +77,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         ("-9999.0", [2]),
         ("-999", list(range(6))),
         ("NA", [0, 5]),
+        ("-", list(range(6))),
         ('"null"', [4]),
         (" -nan(ind)", list(range(6))),
     ],
