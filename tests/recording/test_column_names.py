@@ -219,6 +219,13 @@ UNDECIDED = [
         "torque_z, r, p, y)",
     ),
     (
+        f"{WORDS},O,A,T",
+        "found no orientation columns, expected usual names, as qx qy qz qw: rename them, or --orientation "
+        "kawasaki_oat:O,A,T, or --wrench W.csv --pose P.csv (found force_x, force_y, force_z, torque_x, torque_y, "
+        "torque_z, O, A, T)",
+    ),
+    (f"{WORDS},time,T,{Q}", 'found "time" and "T" for t, expected one: choose with --time-column time'),
+    (
         f"{WORDS},roll,pitch,yaw,quat_x,quat_y,quat_z,quat_w",
         "found the columns of quat_xyzw and of rpy, expected one orientation: choose with --orientation quat_xyzw",
     ),
@@ -266,7 +273,12 @@ UNDECIDED = [
     ),
     (
         f"tx,ty,tz,{Q},fx,fy,fz,mx,my,mz",
-        'found "tx" and "mx" for tx, expected one: choose with --wrench-columns fx,fy,fz,tx,ty,tz',
+        'found "tx" and "mx" for tx, expected one: choose with --wrench-columns fx,fy,fz,mx,my,mz',
+    ),
+    (
+        f"t,tx,ty,tz,{Q},fx,fy,fz,trq_x,trq_y,trq_z",
+        'found "tx" and "ty" and "tz", a torque or something else by their names, expected one that their unit tells, '
+        "or fx fy fz beside them: if they are the torque say --wrench-columns fx,fy,fz,tx,ty,tz",
     ),
     (
         f"raw_fx,raw_fy,raw_fz,ati_tx,ati_ty,ati_tz,{Q}",

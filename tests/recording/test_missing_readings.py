@@ -77,6 +77,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         ("-9999.0", [2]),
         ("-999", list(range(6))),
         ("NA", [0, 5]),
+        ("-", list(range(6))),
         ('"null"', [4]),
         (" -nan(ind)", list(range(6))),
     ],
@@ -224,3 +225,19 @@ def test_a_table_of_poses_has_a_number_in_each_cell(tmp_path: Path, capsys: Capt
     assert done.status == 2
     said = "row 5, column fx: found nothing, expected a number: fill it in or leave the row out"
     assert done.err == f"contactwrench: {path}: {said}\n"
+
+
+def test_a_pose_without_its_orientation_is_not_put_between_its_neighbours(tmp_path: Path, capsys: Capture) -> None:
+    """In a table of poses with times an orientation half way stood in for an empty one: 3 N of contact in free air."""
+    t, wrench, R = recorded(4)
+    poses = np.arange(50, N, STOP)
+    lines = csv_text(("t", *WRENCH, *MATRIX), np.column_stack([t, wrench, R.reshape(-1, 9)])[poses]).splitlines()
+    lines[3] = ",".join([*lines[3].split(",")[:7], *[""] * 9])
+    path, out = written(tmp_path, "\n".join([*lines, ""])), tmp_path / "out.csv"
+    samples = cw.read(path)
+    assert samples.t is not None
+    np.testing.assert_allclose(samples.t, np.delete(t[poses], 2))
+    run(capsys, "compensate", path, "-c", calibrated(tmp_path, 4), "-o", out)
+    rows = list(csv.DictReader(out.read_text(encoding="utf-8").splitlines()))
+    assert [row["valid"] for row in rows] == ["0" if k == 2 else "1" for k in range(len(poses))]
+    assert rows[2]["reason"] == "left out: in a gap of the orientation"

@@ -169,7 +169,7 @@ def test_a_row_of_units_belongs_to_the_names_above_it(tmp_path: Path) -> None:
         assert body.row_of(0) == 3
 
 
-@pytest.mark.parametrize("name", ["poses.CSV", "poses.tsv", "poses.txt", "poses.dat", "poses"])
+@pytest.mark.parametrize("name", ["poses.CSV", "poses.tsv", "poses.txt", "poses.dat", "poses.log", "poses"])
 def test_text_is_read_under_its_usual_suffixes(tmp_path: Path, name: str) -> None:
     path = written(tmp_path, csv_text((*WRENCH, *QUAT), [(*READING, *IDENTITY)], delimiter="\t"), name)
     assert cw.read(path).wrench[0] == pytest.approx(READING)

@@ -298,3 +298,27 @@ def test_a_recording_is_in_doubt_where_the_reading_moves_in_a_third_of_its_stret
     (finding,) = of_recording(RecordedPoses((), None, rejected, moved, 8 - moved), 0.0)
     assert (finding.severity is Severity.WEAK) == finding.text.startswith("weak: ") == weak
     assert ("do wrench and pose belong together in time" in finding.text) == weak
+
+
+@pytest.mark.parametrize("order", ["backwards", "shuffled"])
+def test_rows_of_a_stream_out_of_order_are_no_poses(order: str) -> None:
+    """Sorted by anything but time, as a data base gives them: each row on the way counted as a pose at rest."""
+    t = np.arange(3_000) / 100.0
+    angles = np.column_stack([np.sin(t / 3.0), np.cos(t / 2.0), np.sin(t / 5.0)])
+    rows = np.arange(3_000)[::-1] if order == "backwards" else np.random.default_rng(3).permutation(3_000)
+    R = Rotation.from_euler("ZYX", angles).as_matrix()
+    back = int((np.diff(t[rows]) < 0.0).sum())
+    with pytest.raises(cw.ContactWrenchError) as refusal:
+        resting_poses(cw.Samples(np.ones((3_000, 6)), R[rows], t=t[rows], source="run.csv"))
+    assert str(refusal.value) == (
+        f"run.csv: found times that go back at {back} of 3000 rows, expected rows in the order of their times: sort "
+        "them, or name another column of times, of poses none, with --time-column"
+    )
+
+
+def test_rows_of_whole_seconds_are_said_to_lack_their_decimals() -> None:
+    """Of too many orientations, it was asked to stop at each."""
+    t = np.arange(6_000) / 100.0
+    R = Rotation.from_euler("ZYX", np.column_stack([np.sin(t), np.cos(t / 2.0), np.sin(t / 5.0)]))
+    with pytest.raises(cw.ContactWrenchError, match="expected times in s, with their decimals"):
+        resting_poses(cw.Samples(np.ones((6_000, 6)), R.as_matrix(), t=np.floor(t), source="run.csv"))

@@ -54,6 +54,9 @@ MANY_IN_NO_TIME = 50
 FEW_STOPS = 6
 """Orientations: with fewer, what the sensor reads on the way between them is used too."""
 
+MOST_BACK = 0.1
+"""Of the rows; where recordings stand one after the other, times go back at few."""
+
 LEAST_ON_THE_WAY = 5.0 * SAME_POSE_ANGLE
 FEWEST_ROWS = 10
 
@@ -118,6 +121,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     table of more poses than anybody stops at.
     """
     if not (is_stream(samples) if stream is None else stream and len(samples)):
+        _require_order(samples)
         some, of_row = nearly_equal(samples.R_base_flange)
         _require_few(samples, some)
         label = label_orientations(some)[of_row]
@@ -182,7 +186,22 @@ def _require_few(samples: Samples, some: Array) -> None:
         raise _too_many(samples, count)
 
 
+def _require_order(samples: Samples) -> None:
+    """Raise `InputError` for the rows of a stream that do not follow each other in time: as poses, those on the way
+    would count like those at rest.
+    """
+    if samples.t is None or (back := int((np.diff(samples.t) < 0.0).sum())) <= MOST_BACK * len(samples):
+        return
+    if is_stream(samples.select(np.argsort(samples.t, kind="stable"))):
+        raise InputError(
+            f"{samples.source}: found times that go back at {back} of {len(samples)} rows, expected rows in the order "
+            "of their times: sort them, or name another column of times, of poses none, with --time-column"
+        )
+
+
 def _too_many(samples: Samples, count: int) -> InputError:
+    """The error for them. Raises that of `_require_seconds` where the times are what is wrong."""
+    _require_seconds(samples, count)
     still = "stop for a second or two at each orientation"
     if samples.t is None:
         still = "give the times in a column t, or state --rate HZ, so that the still stretches are found"

@@ -26,6 +26,8 @@ LARGEST_TURN = np.pi / 2.0
 """Between two orientations: after more, which way round the arm went is a guess."""
 MOST_LEFT_OUT = 0.5
 """Of the readings that lie within the recorded orientations: where gaps take more, it is no recording of a motion."""
+LONGEST_ON_THE_WAY = 1.5
+"""s between two orientations, however rarely they come: in more an arm stops at a third, as in a table of poses."""
 GAPS_NAMED = 5
 
 WRENCH_GAP = "in a gap of the wrench"
@@ -82,8 +84,8 @@ def synchronize(
         streams: the recording.
         delay: how much later than the orientation the wrench is stamped, s.
         delay_std: of the delay, s; where it is given, the samples carry both.
-        longest_gap: between two orientations with samples between them, s; None: 5 times their median spacing and at
-            least 0.05 s.
+        longest_gap: between two orientations with samples between them, s; None: 5 times their median spacing, at
+            least 0.05 s and at most 1.5 s.
         at_their_pace: orientations that were sent evenly and stamped as they came are put where they were sent, so that
             an acceleration can be taken from them.
 
@@ -147,7 +149,7 @@ class _Pairing:
         if is_last:
             _require_two_streams(buffer, self._delay)
         if not self._wrench_gap and (is_last or buffer.is_begun):
-            self._longest_gap = self._longest_gap or default_gap(buffer.orientations.t)
+            self._longest_gap = self._longest_gap or min(default_gap(buffer.orientations.t), LONGEST_ON_THE_WAY)
             self._wrench_gap = default_gap(buffer.readings.t)
         if not self._wrench_gap or (self._at_their_pace and not is_last):
             return self._nothing(buffer)

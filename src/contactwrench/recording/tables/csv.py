@@ -25,9 +25,9 @@ from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Body, Column, Na
 from .layout import Layout, is_row, layout_of, refuse_units_above
 from .text_cells import PERHAPS_DOTTED, LinesFrom, blocks_of_lines, cells, no_number, seconds_of_date, split, value
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", "")
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".lvm", "")
 
-LACKING = r"#?n/?a|null|none|<na>|-?nan\((?:ind|snan)\)|-?1\.#(?:qnan|ind)\d*"
+LACKING = r"--?|#?n/?a|null|none|<na>|-?nan\((?:ind|snan)\)|-?1\.#(?:qnan|ind)\d*"
 """What stands for no number, in any case, beside nothing and nan: of pandas' `na_values`, and of printf on Windows."""
 BOOLEANS = {"true": 1.0, "false": 0.0}
 POINT_FOR_COMMA = str.maketrans(",.", ".\0")

@@ -16,6 +16,10 @@ PERHAPS = (
     ("quat_wxyz", ("w", "x", "y", "z")),
     ("rpy", ("r", "p", "y")),
     ("nachi", ("r", "p", "y")),
+    ("kawasaki_oat", ("o", "a", "t")),
+    ("quat_xyzw", ("quat_1", "quat_2", "quat_3", "quat_4")),
+    ("quat_wxyz", ("quat_1", "quat_2", "quat_3", "quat_4")),
+    ("matrix", tuple(f"r{row}{column}" for row in range(3) for column in range(3))),
 )
 """Names that an orientation may have, and how it is written then: asked for, not guessed."""
 LISTS = {4: ("quat_xyzw", "quat_wxyz"), 9: ("matrix",), 16: ("franka_matrix",)}

@@ -26,7 +26,7 @@ from .columns import (
     shown,
 )
 from .header import Candidate, Header, as_listed, quoted
-from .names import ESTIMATES, OTHER_CLOCKS
+from .names import ESTIMATES, OTHER_CLOCKS, meaning
 from .orientations import orientation_columns
 from .units import UNREADABLE, unit_of
 
@@ -34,6 +34,8 @@ WITHOUT_TIMES = "none"
 """What --time-column takes where a column that looks like times is to be left alone."""
 BESIDE_SI = ("", "N", "N m", "N mm", "N cm", "mN m")
 """Units of force and torque beside which the other, without a unit, is taken to be in SI."""
+BEGIN_ORIENTATIONS = ("qx", "qw", "rx", "roll", "r11")
+"""What follows a translation, as in `timestamp tx ty tz qx qy qz qw` of a trajectory."""
 
 
 def roles_of(table: OpenTable, naming: Naming, *, wrench: bool = True) -> ColumnRoles:
@@ -102,7 +104,10 @@ def _wrench_by_names(header: Header) -> list[Candidate]:
         by_axis = {part: [each for each in by_part[part] if each.said.index is None] for part in WRENCH_COLUMNS}
         if [part for part, several in by_axis.items() if len(several) > 1] == list(WRENCH_COLUMNS[3:]):
             # one fx, with tx, which may be a translation, and with mx
-            raise header.undecided(by_axis["tx"], "tx", f"--wrench-columns {as_listed(whole)}")
+            behind = [min(by_axis[part], key=lambda each: each.place < whole[2].place) for part in WRENCH_COLUMNS[3:]]
+            raise header.undecided(by_axis["tx"], "tx", f"--wrench-columns {as_listed([*whole[:3], *behind])}")
+        if _begins_a_pose(header, whole):
+            raise _perhaps_a_torque(header, whole[:3], whole[3:])
         return whole
     controllers = header.estimates()
     missing = [part for part in WRENCH_COLUMNS if part not in by_part]
@@ -115,11 +120,7 @@ def _wrench_by_names(header: Header) -> list[Candidate]:
             f"of 0 kg, take these with --wrench-columns {as_listed(columns)}{axes}"
         )
     if set(missing) == set(WRENCH_COLUMNS[3:]) and len(letters := header.perhaps_torque(missing)) == len(missing):
-        six = as_listed([*(by_part[part][0] for part in WRENCH_COLUMNS[:3]), *letters])
-        raise FileFormatError(
-            f"{header.source}: found {quoted(letters)}, a torque or something else by their names, expected one that "
-            f"their unit tells, or fx fy fz beside them: if they are the torque say --wrench-columns {six}"
-        )
+        raise _perhaps_a_torque(header, [by_part[part][0] for part in WRENCH_COLUMNS[:3]], letters)
     if missing:
         two = ", or --wrench W.csv --pose P.csv" if len(missing) == len(WRENCH_COLUMNS) else ""
         mend = f"add it, or name the six with --wrench-columns A,B,C,D,E,F{two}"
@@ -133,6 +134,22 @@ def _wrench_by_names(header: Header) -> list[Candidate]:
         header.require_one_set(one_vector, option)
     header.require_one_set(firsts, option, attrgetter("sensor"))
     return firsts
+
+
+def _begins_a_pose(header: Header, whole: list[Candidate]) -> bool:
+    """Whether tx ty tz, of no unit, stand right before an orientation and not behind forces, as a translation does."""
+    places, names = [each.place for each in whole], {place: name for name, place in header.places.items()}
+    tx, follows = places[3], meaning(names.get(places[5] + 1, ""))
+    apart = tx - 1 != places[2] and places[3:] == [tx, tx + 1, tx + 2] and not any(each.said.unit for each in whole[3:])
+    return apart and follows is not None and follows.part in BEGIN_ORIENTATIONS
+
+
+def _perhaps_a_torque(header: Header, force: list[Candidate], letters: list[Candidate]) -> FileFormatError:
+    return FileFormatError(
+        f"{header.source}: found {quoted(letters)}, a torque or something else by their names, expected one that "
+        "their unit tells, or fx fy fz beside them: if they are the torque say --wrench-columns "
+        f"{as_listed([*force, *letters])}"
+    )
 
 
 def _stated_wrench(header: Header, text: str) -> list[Candidate]:
@@ -161,9 +178,10 @@ def time_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) 
         return (Column(table.places[name], name, 1.0, "t", "s"),)
     if naming.time_column is not None:
         return _stated_times(header, naming.time_column, taken)
-    if (by_usual_name := header.usual("t")) is not None:
-        return () if by_usual_name.place in taken else (header.column(by_usual_name, "t"),)
     found = [times for times in header.stamps() if all(each.place not in taken for each in times)]
+    usual = header.usual("t")
+    if usual is not None and usual.place not in taken and (usual.name != "T" or len(found) == 1):  # T: temperature
+        return (header.column(usual, "t"),)
     first = min(map(_preference, found), default=0)
     found = [times for times in found if _preference(times) == first]
     if len(found) > 1:
