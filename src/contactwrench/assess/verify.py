@@ -26,6 +26,9 @@ from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings, square_root
 from .turned_load import gravity_in_sensor, of_gain
 
+HIDDEN = 0.5 * SIGNIFICANCE
+"""Probability of what another tool, mounting or bias makes, below which it counts where all that is left does not."""
+
 
 @dataclass(frozen=True)
 class Weighing:
@@ -52,11 +55,11 @@ class Verification(Frozen, WithFindings):
     """How a recording agrees with a calibration.
 
     `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
-    norms; `chi2` per reading (1 expected) of the residuals, of the part of them that another tool, mounting or bias
-    makes, or of the weighings, whichever is the least probable, and the `probability` of one of these so far off if the
-    calibration holds; the limits asked for, N and N m; `weighings`, one a load; `passed`, and the `reason` in words.
-    `bias`: what of the residuals a moved bias explains, None for a single pose. `findings`: what was left out, a bias
-    that moved, poses that are off.
+    norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds, of
+    the residuals or of the weighings, whichever is the less probable, or of the part of the residuals that another
+    tool, mounting or bias makes, where that alone is too large; the limits asked for, N and N m; `weighings`, one a
+    load; `passed`, and the `reason` in words. `bias`: what of the residuals a moved bias explains, None for a single
+    pose. `findings`: what was left out, a bias that moved, poses that are off.
     """
 
     residuals: Array
@@ -123,7 +126,8 @@ def verify(
     """Hold `samples` against `calibration`.
 
     Poses without a load must be explained: within the limits where those are stated, else by the calibration's
-    covariance and noise at the 1 % level, less a bias that moved no further than calibrating has seen it move. Poses
+    covariance and noise at the 1 % level, and at half of that the part that another tool, mounting or bias makes, which
+    the noise of many poses hides; less a bias that moved no further than calibrating has seen it move. Poses
     with a `load_mass` are weighed; without limits the weighings must agree with the loads at that level too.
 
     Args:
@@ -180,18 +184,17 @@ def verify(
             tests["residual less a bias that moves, as seen while calibrating,"] = rest
         else:
             tests["residual"] = whole
-            if bias is not None:
+            if bias is not None and bias.changed.probability < HIDDEN and whole.probability >= SIGNIFICANCE:
                 tests["part of the residual that another tool, mounting or bias makes"] = bias.changed
     force = float(np.linalg.norm(residuals[:, :3], axis=1).max(initial=0.0))
     torque = float(np.linalg.norm(residuals[:, 3:], axis=1).max(initial=0.0))
     judged = min(tests, key=lambda name: tests[name].probability)
     test = tests[judged]
-    probability = min(1.0, len(tests) * test.probability)
     if limit_force is None and limit_torque is None:
-        passed = probability >= SIGNIFICANCE
+        passed = test.probability >= SIGNIFICANCE
         reason = (
             f"the {judged} is {'no more' if passed else 'more'} than the calibration's covariance and noise explain "
-            f"(chi-square {test.chi2:.3g} per reading, probability {percent(probability)}{test.caution})"
+            f"(chi-square {test.chi2:.3g} per reading, probability {percent(test.probability)}{test.caution})"
         )
     else:
         if not poses:
@@ -203,7 +206,7 @@ def verify(
         largest_force=force,
         largest_torque=torque,
         chi2=test.chi2,
-        probability=probability,
+        probability=test.probability,
         limit_force=limit_force,
         limit_torque=limit_torque,
         weighings=weighings,

@@ -40,6 +40,11 @@ def precision_diagonal(L: Array, variance: Array) -> Array:
     return np.asarray(1.0 / variance - np.einsum("nq,qn->n", weighted, inner))
 
 
+def of_larger(shares: Array) -> float:
+    """Of what each axis (6,) has, the mean of the forces or of the torques, which show turns of a tool far away."""
+    return float(shares.reshape(2, 3).mean(axis=1).max())
+
+
 @dataclass(frozen=True, eq=False)
 class AlikeOnAxes:
     """`(diag(relative) + strength^2 L L^T) (x) diag(variance)`, of poses (n,) of which some are `kept`: columns L

@@ -20,10 +20,10 @@ from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import RigidTool, gravity_in_flange, wrench_matrix
 from .bias_drift import Kernels
-from .error_covariance import AlikeOnAxes, Turned, Turns
+from .error_covariance import AlikeOnAxes, Turned, Turns, of_larger
 from .least_squares import Members
 from .noise import LEAST_DOF
-from .variance_components import SHOWING, USUAL, Linear, Optimum, along_axes, at_optimum, look_at, of_larger, shows
+from .variance_components import SHOWING, USUAL, Linear, Optimum, along_axes, at_optimum, look_at, shows
 
 ODDS = 1.0
 """Before the readings, that robots err so that it may show."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..geometry.arrays import Array
 from .bias_drift import APART, SHARE_OF_WEIGHT, STRENGTHS, Drift
-from .error_covariance import Turned
+from .error_covariance import Turned, of_larger
 from .least_squares import Members, Priors
 from .noise import ALIKE, LARGEST_STEP, LEAST_DOF, OF_GROUP, OFF_GROUP, NoiseModel
 
@@ -151,13 +151,6 @@ def _prior(linear: Linear, V: Turned, usual_share: float | None) -> tuple[Array,
 def shows(V: Turned) -> bool:
     """Whether turns count beside the noise."""
     return V.sd > LEAST and of_larger(V.shares) > SHOWING and float(V.shares.max()) < BEYOND
-
-
-def of_larger(shares: Array) -> float:
-    """Of what each axis (6,) has, the mean of the forces or of the torques, whichever is the larger: a tool far from
-    the sensor shows turns in its torques.
-    """
-    return float(shares.reshape(2, 3).mean(axis=1).max())
 
 
 def at_optimum(linear: Linear, V: Turned, drift: Drift | None = None) -> Optimum:
