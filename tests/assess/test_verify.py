@@ -59,6 +59,28 @@ def test_a_changed_tool_or_a_drifted_sensor_is_found(change: dict[str, Array | f
     assert "more than the calibration's covariance and noise explain" in result.reason
 
 
+def test_a_mounting_that_slipped_shows_beside_a_robot_that_errs() -> None:
+    """By 1.4 deg, of a robot that is off by 0.5 deg an axis, whose errors are in the noise; without it all pass."""
+    passed, reasons = 0, []
+    for seed in range(6):
+        rig, R, rng = example(seed)
+        rig = replace(rig, weight=20.0)
+
+        def held(rig: Rig, at: Array, rng: np.random.Generator = rng) -> cw.Samples:
+            off = Rotation.from_rotvec(np.deg2rad(0.5) * rng.normal(size=(len(at), 3))).as_matrix()
+            return cw.Samples(noisy_readings(rig, at @ off, NOISE, rng), at)
+
+        calibration = cw.calibrate(held(rig, R), "mount")
+        passed += verify(calibration, held(rig, random_rotations(20, rng))).passed
+        slip = Rotation.from_euler("z", 1.4, degrees=True).as_matrix()
+        slipped = replace(rig, R_flange_sensor=rig.R_flange_sensor @ slip)
+        reasons.append(verify(calibration, held(slipped, random_rotations(20, rng))).reason)
+    assert passed == 6
+    assert all("more than the calibration's covariance" in reason for reason in reasons)
+    hidden = "the part of the residual that another tool, mounting or bias makes is more than"
+    assert any(reason.startswith(hidden) for reason in reasons)
+
+
 def _drifting(rig: Rig, R: Array, rng: np.random.Generator, drift: Array) -> cw.Calibration:
     """A calibration that says, and whose poses show, that the bias drifted by `drift` (6,) up to the last of them."""
     calibration = cw.calibrate(noisy(rig, R, rng), "mount")
