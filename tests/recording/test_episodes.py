@@ -377,8 +377,8 @@ def test_of_many_different_notes_some_are_said(tmp_path: Path) -> None:
     assert sum(len(batch) for batch in rows_of_all) == 200
     assert len(said) == len(set(said)) <= 21
     assert (
-        "found no whole reading (nothing, NaN, or -9999 and the like) in 3 rows: not used (episode 2 and 3 others)"
-        in said
+        "found no whole reading (nothing, NaN, zeros alone, or -9999 and the like) in 3 rows: not used "
+        "(episode 2 and 3 others)" in said
     )
 
 

@@ -63,6 +63,19 @@ def _of_stops(seed: int) -> cw.Calibration:
     return calibration
 
 
+@pytest.mark.parametrize(
+    ("rows", "elsewhere"),
+    [([3, 900], 0.05), ([*range(300, 311)], 0.05), ([3, 900, 1500], 0.0)],
+    ids=["two, as after a tare", "eleven in a row are stuck", "a channel is zero in another row"],
+)
+def test_zeros_that_may_be_readings_are_taken(rows: list[int], elsewhere: float) -> None:
+    t, wrench, _ = recorded(5)
+    wrench[rows], wrench[40, 5] = 0.0, elsewhere
+    assert not np.isnan(WrenchStream(t, wrench).wrench).any()
+    wrench[[100, 200, 250]], wrench[40, 5] = 0.0, 0.05
+    assert np.isnan(WrenchStream(t, wrench).wrench).any(axis=1).sum() == 3 + len(rows) * (len(rows) < 11)
+
+
 def rows_of(path: Path) -> list[dict[str, str]]:
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
@@ -80,6 +93,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         ("-", list(range(6))),
         ('"null"', [4]),
         (" -nan(ind)", list(range(6))),
+        ("0.0", list(range(6))),
     ],
 )
 def test_rows_without_a_reading_have_no_contact_wrench(
@@ -89,8 +103,8 @@ def test_rows_without_a_reading_have_no_contact_wrench(
     path = written(tmp_path, table_of(t, wrench, R, cell, channels), "run.csv")
     plain = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "plain.csv")
     assert plain.status == 0
-    assert plain.err == "Note: found no whole reading (nothing, NaN, or -9999 and the like) in 8 rows: not used\n"
-    assert cw.read(path).notes == ("found no whole reading (nothing, NaN, or -9999 and the like) in 8 rows: not used",)
+    said = "found no whole reading (nothing, NaN, zeros alone, or -9999 and the like) in 8 rows: not used"
+    assert (plain.err, cw.read(path).notes) == (f"Note: {said}\n", (said,))
     judged = run(capsys, "compensate", path, "-c", tool, "-o", tmp_path / "judged.csv", "--contact", "--noise", "0.02")
     assert judged.status == 0
     assert "Note: 8 readings that are not numbers left out" in judged.err
@@ -187,7 +201,10 @@ def test_a_calibration_does_without_them_and_says_so(tmp_path: Path, capsys: Cap
     path = written(tmp_path, table_of(t, wrench, R, "", channels), "run.csv")
     done = run(capsys, "calibrate", path, "-o", tmp_path / "tool.json")
     assert done.status == 0, done.err
-    assert done.err.count("found no whole reading (nothing, NaN, or -9999 and the like) in 8 rows: not used") == 1
+    assert (
+        done.err.count("found no whole reading (nothing, NaN, zeros alone, or -9999 and the like) in 8 rows: not used")
+        == 1
+    )
     assert cw.Calibration.load(tmp_path / "tool.json").weight == pytest.approx(WEIGHT, abs=0.1)
 
 

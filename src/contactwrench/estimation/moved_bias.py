@@ -279,9 +279,10 @@ def apart(
 
 def noise_dof(calibration: Calibration) -> float:
     """Degrees of freedom behind the noise of all axes together, readings less parameters; of model `paper` that of one
-    axis, as it estimates each alone. 0 for a known noise.
+    axis, as it estimates each alone, and where the robot errs, too, those of its least known parameter, as noise and
+    turns are harder to tell apart. 0 for a known noise.
     """
-    if calibration.model == "paper":
+    if calibration.model == "paper" or calibration.orientation_std is not None:
         return calibration.dof
     n = len(calibration.fitted_poses) if calibration.moments is None else calibration.moments.n
     return float(max(6 * n - len(calibration.parameters), 0)) if calibration.dof > 0.0 else 0.0

@@ -24,6 +24,10 @@ LARGEST_READING = READING.most
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
 CODES, CODE_BEYOND = 10.0 ** np.arange(3, 10) - 1.0, 5.0
 """What stands for no number, 999 to 999999999; and times the largest other number of its column."""
+FEWEST_LOST, MOST_LOST = 3, 10
+"""Rows of zeros, from which on they are packets that did not come: a tare reads so once; and at most one after the
+other: more are stuck.
+"""
 NOT_KNOWN = "delay_std", np.inf  # of two clocks
 SLOWEST = 0.25
 """s from row to row: a stream has four rows a second or more."""
@@ -188,8 +192,8 @@ class WrenchStream(Rows):
     def __post_init__(self) -> None:
         super().__post_init__()
         _require_within("wrench", np.where(np.isfinite(self.wrench), self.wrench, 0.0), READING)
-        if (codes := stands_for_none(self.wrench)).any():
-            object.__setattr__(self, "wrench", read_only(np.where(codes, np.nan, self.wrench)))
+        if (none := stands_for_none(self.wrench) | lost(self.wrench)[:, None]).any():
+            object.__setattr__(self, "wrench", read_only(np.where(none, np.nan, self.wrench)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,6 +260,19 @@ def stands_for_none(written: Array, least: float = CODES[1]) -> NDArray[np.bool_
     is_code = np.isin(np.rint(size), CODES) & (np.abs(size - np.rint(size)) < 1e-6)
     largest = np.max(np.where(is_code | np.isnan(size), 0.0, size), axis=0)
     return np.asarray(is_code & large & (size > CODE_BEYOND * largest) & (is_code.mean(axis=0) < 0.5))
+
+
+def lost(wrench: Array) -> NDArray[np.bool_]:
+    """Which readings (n, 6), one after the other, are packets that did not come: a few rows of zeros alone here and
+    there, where no channel is ever zero otherwise.
+    """
+    zeros: NDArray[np.bool_] = np.logical_not(wrench.any(axis=1))
+    if zeros.sum() < FEWEST_LOST or zeros.mean() >= 0.5 or not wrench[~zeros].all():
+        return np.zeros_like(zeros)
+    begins = np.flatnonzero(np.diff(zeros, prepend=False, append=False)).reshape(-1, 2)
+    for first, end in begins[np.diff(begins)[:, 0] > MOST_LOST]:
+        zeros[first:end] = False
+    return zeros
 
 
 def _rotations(R: Array) -> Array:

@@ -14,7 +14,7 @@ from ...files import name_of
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
 from ...geometry.ranges import LOAD_KG, TIME, Range, per_second
-from ...samples.samples import CODES, LARGEST_READING, ReadAs, stands_for_none
+from ...samples.samples import CODES, LARGEST_READING, ReadAs, lost, stands_for_none
 from ...statistics import counted
 from . import csv, hdf5, parquet
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, unheard, with_slices
@@ -144,7 +144,9 @@ def _read_as(roles: ColumnRoles) -> ReadAs:
 
 def without_reading(rows: int) -> str:
     """That so many rows of a recording have none."""
-    return f"found no whole reading (nothing, NaN, or -9999 and the like) in {counted(rows, 'row')}: not used"
+    return (
+        f"found no whole reading (nothing, NaN, zeros alone, or -9999 and the like) in {counted(rows, 'row')}: not used"
+    )
 
 
 def read_as_of_both(wrench: Table, pose: Table) -> ReadAs:
@@ -166,6 +168,8 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     per_si = np.array([column.per_si for column in roles.wrench])
     with np.errstate(over="ignore"):
         wrench = np.where(stands_for_none(wrench * per_si, CODES[0]), np.nan, wrench)
+    if roles.t and roles.wrench:
+        wrench[lost(wrench)] = np.nan
     has_wrench = _rows_there(body, of_wrench, with_wrench, len(roles.wrench), may_be_half=True)
     limit = f"at most {LARGEST_READING:g} N or N m"
     _require(~(np.abs(wrench) > LARGEST_READING), wrench, roles.wrench, body, limit)
