@@ -164,11 +164,17 @@ def test_cells_that_are_no_number_are_named_by_row_and_column(tmp_path: Path, ro
 
 
 @pytest.mark.parametrize(
-    ("row", "found"), [("1,2,3", 3), (f"{GOOD},7", 11), ('"1,2,3,4,5,6,0,0,0,1"', 1), (f"{GOOD},7,8,9,10", 14)]
+    ("row", "found"),
+    [
+        ("1,2,3", "3 values"),
+        (f"{GOOD},7", "11 values"),
+        ('"1,2,3,4,5,6,0,0,0,1"', "1 value"),
+        (f"{GOOD},7,8,9,10", "14 values"),
+    ],
 )
-def test_ragged_rows_are_named(tmp_path: Path, row: str, found: int) -> None:
+def test_ragged_rows_are_named(tmp_path: Path, row: str, found: str) -> None:
     assert refusal(written(tmp_path, f"{QUAT_TABLE}{row}\n")) == (
-        f"row 3: found {found} values, expected 10 as in the header: complete the row, and write decimals with a point"
+        f"row 3: found {found}, expected 10 as in the header: complete the row, and write decimals with a point"
     )
 
 

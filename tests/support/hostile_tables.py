@@ -56,11 +56,11 @@ TEXTS: dict[str, tuple[str | bytes, str]] = {
     ),
     "zeros at the end": (
         TABLE + f"{ROW}\n" * 500 + "\0" * 3000,
-        "row 504: found 1 values, expected 10 as in the header: complete the row, and write decimals with a point",
+        "row 504: found 1 value, expected 10 as in the header: complete the row, and write decimals with a point",
     ),
     "half a letter of UTF-16": (
         TABLE.encode("utf-16") + b"\0",
-        "row 4: found 1 values, expected 10 as in the header: complete the row, and write decimals with a point",
+        "row 4: found 1 value, expected 10 as in the header: complete the row, and write decimals with a point",
     ),
     "cut between columns": (
         TABLE + ROW[:9],

@@ -19,6 +19,7 @@ from ..estimation.priors import Question
 from ..estimation.rigid import RIGID_MODELS, estimated
 from ..geometry.arrays import Array, Frozen, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange, wrench_matrix
+from ..statistics import counted
 from .interpretations import COST_OF_CHANGE, Interpretation, Interpretations, as_read
 from .screening import LEAST_TILT, NOTHING_LEFT, PARAMETERS, Screened, misfit, scatter_of, screen, screened
 
@@ -146,7 +147,7 @@ def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
     refuse((model not in RIGID_MODELS, f"model {model!r} tells no interpretation from another, {one_of}: take auto"))
     if n < FEWEST_POSES:
         raise UnobservableError(
-            f"{file.source}: found {n} distinct orientations, expected {FEWEST_POSES} or more to tell one "
+            f"{file.source}: found {counted(n, 'distinct orientation')}, expected {FEWEST_POSES} or more to tell one "
             "interpretation from another: record six or more that tilt the tool about two axes"
         )
     if not file.orientations:

@@ -22,6 +22,7 @@ from ..geometry.arrays import Array
 from ..geometry.rotations import rotations_about_z
 from ..geometry.wrench import cross_matrix
 from ..model import PARAMETERS, RigidTool, free_wrench, gravity_in_flange, matrix_jacobian, wrench_matrix
+from ..statistics import counted
 from .estimate import RigidEstimate
 from .noise import PoseReadings
 
@@ -119,8 +120,8 @@ def _require_separable(force: Array, torque: Array, R_base_flange: Array, gravit
     n = len(force)
     if n < MIN_POSES:
         raise UnobservableError(
-            f"cannot separate {', '.join(FORCE_NAMES + TORQUE_NAMES)}: found {n} distinct orientations, expected "
-            f"{MIN_POSES} or more for the paper's estimator; record 6 or more that tilt the tool"
+            f"cannot separate {', '.join(FORCE_NAMES + TORQUE_NAMES)}: found {counted(n, 'distinct orientation')}, "
+            f"expected {MIN_POSES} or more for the paper's estimator; record 6 or more that tilt the tool"
         )
     require_separable(force.reshape(3 * n, 6), FORCE_NAMES, R_base_flange, gravity_direction)
     swing = torque[:, :, :3] - torque[:, :, :3].mean(axis=0)

@@ -15,6 +15,7 @@ from ..calibration.observability import require_full_rank
 from ..errors import AmbiguityError, UnobservableError, with_room_for
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool
+from ..statistics import counted
 from .estimate import RigidEstimate
 from .findings import POOR_SHARE
 from .initial_guess import SEARCH_OF_MODEL, explained_by_guess
@@ -101,7 +102,7 @@ def require_answerable(estimate: RigidEstimate, readings: PoseReadings, model: s
         require_full_rank(each, readings.R_base_flange, names, known)
     if model == "mount+base" and not len(known) and n < FEWEST_POSES_WITH_BASE:
         raise UnobservableError(
-            f"found {n} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
+            f"found {counted(n, 'distinct orientation')}, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
             "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
         )
     require_noise(n, len(names), float(estimate.readings_left.min()), question)

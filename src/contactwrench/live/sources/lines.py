@@ -17,6 +17,7 @@ from ...recording.tables.columns import Naming
 from ...recording.tables.layout import layout_of
 from ...recording.tables.text_cells import cells
 from ...recording.tables.units import stated_units
+from ...statistics import counted
 from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
@@ -107,7 +108,7 @@ class LinesDecoder:
         separator = self._separator or next((each for each in ("\t", ";", ",") if each in text), " ")
         row = cells(text, separator, 0, "the line") if '"' in text else text.split(separator.strip(" ") or None)
         if len(row) != width:
-            raise ValueError(f"found {len(row)} values, expected {width} as in the header")
+            raise ValueError(f"found {counted(len(row), 'value')}, expected {width} as in the header")
         if separator != "," and "," in text:
             row = [cell.replace(",", ".") for cell in row]
         return [float(cell) if cell.strip() else nan for cell in row]

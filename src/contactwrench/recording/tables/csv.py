@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError
 from ...files import name_of
 from ...geometry.arrays import Array
+from ...statistics import counted
 from .columns import AS_NAMED, FLAW, SATURATED, WRENCH_COLUMNS, Body, Column, Naming, OpenTable, places_of, shown
 from .layout import Layout, is_row, layout_of, refuse_units_above
 from .text_cells import PERHAPS_DOTTED, LinesFrom, blocks_of_lines, cells, no_number, seconds_of_date, split, value
@@ -190,13 +191,13 @@ class Lines(Body):
             return [self._number(found[column.place], column, row, column in may_lack) for column in columns]
         if separator == "," and 2 * len(found) >= 3 * width:
             raise FileFormatError(
-                f"{self.source}: row {row}, from column {shown(self.layout.names[0])} on: found {len(found)} values "
-                f"between commas, expected {self.layout.width}: if these are decimal commas, write them as "
-                "points, or separate the cells by semicolons"
+                f"{self.source}: row {row}, from column {shown(self.layout.names[0])} on: found "
+                f"{counted(len(found), 'value')} between commas, expected {self.layout.width}: if these are decimal "
+                "commas, write them as points, or separate the cells by semicolons"
             )
         raise FileFormatError(
-            f"{self.source}: row {row}: found {len(found)} values, expected {self.layout.width}: complete the row, "
-            "and write decimals with a point"
+            f"{self.source}: row {row}: found {counted(len(found), 'value')}, expected {self.layout.width}: complete "
+            "the row, and write decimals with a point"
         )
 
     def _number(self, cell: str, column: Column, row: int, may_lack: bool) -> float:
