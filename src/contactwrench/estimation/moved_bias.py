@@ -175,7 +175,7 @@ def held_against(
         with_other=left - 6 >= LEAST_LEFT and with_bias.probability >= SIGNIFICANCE,
         with_any=left_by_any >= LEAST_LEFT and with_any.probability >= SIGNIFICANCE,
         times_noise=float(np.sqrt(with_any.chi2)) if left_by_any >= LEAST_LEFT else 0.0,
-        changed=MisfitTest(by_all[0], by_all[1], min(dof, calibration.dof)),  # what was fitted counts most
+        changed=MisfitTest(by_all[0], by_all[1], min(dof, calibration.dof or dof)),  # what was fitted counts most
     )
 
 
