@@ -275,6 +275,14 @@ UNDECIDED = [
         f"tx,ty,tz,{Q},fx,fy,fz,mx,my,mz",
         'found "tx" and "mx" for tx, expected one: choose with --wrench-columns fx,fy,fz,mx,my,mz',
     ),
+    *(
+        (
+            columns,
+            'found "tx" and "ty" and "tz", a torque or something else by their names, expected one that their unit '
+            "tells, or fx fy fz beside them: if they are the torque say --wrench-columns fx,fy,fz,tx,ty,tz",
+        )
+        for columns in ("t,tx,ty,tz,a,b,c,fx,fy,fz", f"t,fx,fy,fz,{Q},tx,ty,tz")
+    ),
     (
         f"t,tx,ty,tz,{Q},fx,fy,fz,trq_x,trq_y,trq_z",
         'found "tx" and "ty" and "tz", a torque or something else by their names, expected one that their unit tells, '

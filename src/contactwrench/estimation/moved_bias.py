@@ -39,8 +39,10 @@ LITTLE, FAR_LESS = 1e-3, 0.5
 """Probability that samples scatter as little by chance; and of their variance, below which it makes a difference."""
 SAME = 1e-9
 """Of the largest singular value: columns that say the same have less."""
-LEAST_OF_NOISE = 0.01
-"""Of the variance of a reading, what is left to noise where the robot's errors seem to be all of it."""
+LEAST_OF_NOISE, LEAST_OF_EARLIER = 0.01, 0.5
+"""Of the variance of a reading, what is left to noise where the robot's errors seem to be all of it; and where these
+are of an earlier calibration, whose poses, which its noise is of, are not known.
+"""
 TELLS_NOTHING = 1e200
 """Variance of a pose that is left out."""
 
@@ -102,13 +104,12 @@ def noise_beside_turns(calibration: Calibration, R_base_flange: Array, variance:
     def of_turns(R: Array) -> Array:
         return calibration.B[:, :3] @ cross_matrix(gravity_in_flange(R, calibration.gravity_direction))
 
-    then = (
-        np.array([pose.R_base_flange for pose in calibration.fitted_poses])
-        if calibration.fitted_poses
-        else R_base_flange
-    )
+    own = "prior" not in calibration.provenance
+    fitted = [pose.R_base_flange for pose in calibration.fitted_poses] if own else []
+    then = np.array(fitted) if fitted else R_base_flange
     share = calibration.orientation_std**2 * np.mean(np.sum(of_turns(then) ** 2, axis=2), axis=0)
-    return np.maximum(variance - share, LEAST_OF_NOISE * variance), of_turns(R_base_flange)
+    least = LEAST_OF_NOISE if own else LEAST_OF_EARLIER
+    return np.maximum(variance - share, least * variance), of_turns(R_base_flange)
 
 
 def whitening(noise: Array, turned: Array) -> Array:
@@ -175,7 +176,7 @@ def held_against(
         with_other=left - 6 >= LEAST_LEFT and with_bias.probability >= SIGNIFICANCE,
         with_any=left_by_any >= LEAST_LEFT and with_any.probability >= SIGNIFICANCE,
         times_noise=float(np.sqrt(with_any.chi2)) if left_by_any >= LEAST_LEFT else 0.0,
-        changed=MisfitTest(by_all[0], by_all[1], min(dof, calibration.dof)),  # what was fitted counts most
+        changed=MisfitTest(by_all[0], by_all[1], min(dof, calibration.dof or dof)),  # what was fitted counts most
     )
 
 

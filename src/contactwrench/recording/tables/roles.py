@@ -34,8 +34,9 @@ WITHOUT_TIMES = "none"
 """What --time-column takes where a column that looks like times is to be left alone."""
 BESIDE_SI = ("", "N", "N m", "N mm", "N cm", "mN m")
 """Units of force and torque beside which the other, without a unit, is taken to be in SI."""
-BEGIN_ORIENTATIONS = ("qx", "qw", "rx", "roll", "r11")
-"""What follows a translation, as in `timestamp tx ty tz qx qy qz qw` of a trajectory."""
+BEGIN_ORIENTATIONS = ("qx", "qw", "rx", "roll", "yaw", "r11", "a", "w")
+END_ORIENTATIONS = ("qw", "qz", "rz", "yaw", "roll", "r33", "c", "r")
+"""What stands behind or before a translation, as in `timestamp tx ty tz qx qy qz qw` of a trajectory."""
 
 
 def roles_of(table: OpenTable, naming: Naming, *, wrench: bool = True) -> ColumnRoles:
@@ -106,7 +107,7 @@ def _wrench_by_names(header: Header) -> list[Candidate]:
             # one fx, with tx, which may be a translation, and with mx
             behind = [min(by_axis[part], key=lambda each: each.place < whole[2].place) for part in WRENCH_COLUMNS[3:]]
             raise header.undecided(by_axis["tx"], "tx", f"--wrench-columns {as_listed([*whole[:3], *behind])}")
-        if _begins_a_pose(header, whole):
+        if _is_of_a_pose(header, whole):
             raise _perhaps_a_torque(header, whole[:3], whole[3:])
         return whole
     controllers = header.estimates()
@@ -136,12 +137,14 @@ def _wrench_by_names(header: Header) -> list[Candidate]:
     return firsts
 
 
-def _begins_a_pose(header: Header, whole: list[Candidate]) -> bool:
-    """Whether tx ty tz, of no unit, stand right before an orientation and not behind forces, as a translation does."""
+def _is_of_a_pose(header: Header, whole: list[Candidate]) -> bool:
+    """Whether tx ty tz, of no unit, stand beside an orientation and not beside forces, as a translation does."""
     places, names = [each.place for each in whole], {place: name for name, place in header.places.items()}
-    tx, follows = places[3], meaning(names.get(places[5] + 1, ""))
-    apart = tx - 1 != places[2] and places[3:] == [tx, tx + 1, tx + 2] and not any(each.said.unit for each in whole[3:])
-    return apart and follows is not None and follows.part in BEGIN_ORIENTATIONS
+    before, behind = places[3] - 1, places[3] + 3
+    apart = places[3:] == [*range(places[3], behind)] and before != places[2] and behind != places[0]
+    last, first = (said.part if (said := meaning(names.get(place, ""))) else "" for place in (before, behind))
+    of_a_pose = first in BEGIN_ORIENTATIONS or last in END_ORIENTATIONS
+    return apart and of_a_pose and not any(each.said.unit for each in whole[3:])
 
 
 def _perhaps_a_torque(header: Header, force: list[Candidate], letters: list[Candidate]) -> FileFormatError:
