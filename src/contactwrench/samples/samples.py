@@ -24,9 +24,9 @@ LARGEST_READING = READING.most
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
 CODES, CODE_BEYOND = 10.0 ** np.arange(3, 10) - 1.0, 5.0
 """What stands for no number, 999 to 999999999; and times the largest other number of its column."""
-FEWEST_LOST, MOST_LOST = 3, 10
-"""Rows of zeros, from which on they are packets that did not come: a tare reads so once; and at most one after the
-other: more are stuck.
+FEWEST_LOST, MOST_LOST, AS_POSES = 3, 10, 1_000
+"""Rows of zeros that are packets which did not come: at least, in up to so many rows, as a tare reads so once; and at
+most one after the other: more are stuck.
 """
 NOT_KNOWN = "delay_std", np.inf  # of two clocks
 SLOWEST = 0.25
@@ -264,10 +264,12 @@ def stands_for_none(written: Array, least: float = CODES[1]) -> NDArray[np.bool_
 
 def lost(wrench: Array) -> NDArray[np.bool_]:
     """Which readings (n, 6), one after the other, are packets that did not come: a few rows of zeros alone here and
-    there, where no channel is ever zero otherwise.
+    there, where no other row has three of them.
     """
-    zeros: NDArray[np.bool_] = np.logical_not(wrench.any(axis=1))
-    if zeros.sum() < FEWEST_LOST or zeros.mean() >= 0.5 or not wrench[~zeros].all():
+    count = np.sum(wrench == 0.0, axis=1)
+    zeros: NDArray[np.bool_] = count == 6
+    some = zeros.sum() >= (FEWEST_LOST if len(wrench) <= AS_POSES else 1)
+    if not some or zeros.mean() >= 0.5 or ((count > 2) & (count < 6)).any():
         return np.zeros_like(zeros)
     begins = np.flatnonzero(np.diff(zeros, prepend=False, append=False)).reshape(-1, 2)
     for first, end in begins[np.diff(begins)[:, 0] > MOST_LOST]:
