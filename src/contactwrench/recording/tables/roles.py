@@ -138,13 +138,17 @@ def _wrench_by_names(header: Header) -> list[Candidate]:
 
 
 def _is_of_a_pose(header: Header, whole: list[Candidate]) -> bool:
-    """Whether tx ty tz, of no unit, stand beside an orientation and not beside forces, as a translation does."""
+    """Whether tx ty tz, of no unit, stand beside an orientation and not beside forces, as a translation does; names in
+    the alphabet's order, as HDF5 lists them, do not tell.
+    """
     places, names = [each.place for each in whole], {place: name for name, place in header.places.items()}
     before, behind = places[3] - 1, places[3] + 3
     apart = places[3:] == [*range(places[3], behind)] and before != places[2] and behind != places[0]
     last, first = (said.part if (said := meaning(names.get(place, ""))) else "" for place in (before, behind))
     of_a_pose = first in BEGIN_ORIENTATIONS or last in END_ORIENTATIONS
-    return apart and of_a_pose and not any(each.said.unit for each in whole[3:])
+    in_order = [names[place] for place in sorted(names)]
+    tells = in_order != sorted(in_order) and not any(each.said.unit for each in whole[3:])
+    return apart and of_a_pose and tells
 
 
 def _perhaps_a_torque(header: Header, force: list[Candidate], letters: list[Candidate]) -> FileFormatError:
