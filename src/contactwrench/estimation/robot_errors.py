@@ -37,8 +37,8 @@ MOST_ALIKE = 100
 FURTHEST = 5.0 * USUAL
 """rad, standard deviation: what leaves more is no robot's error."""
 
-AT_FIRST = 4.0
-"""Of the noise's variance, by turns about one axis, and as much about the other: eight ninths of what is left, to begin
+AT_FIRST = 2.5
+"""Of the noise's variance, by turns about one axis, and as much about the other: five sixths of what is left, to begin
 with: from below, turns of a few poses would not be reached."""
 
 MOST_BESIDE, CLOSE_BESIDE = 3, 4.0
