@@ -74,7 +74,9 @@ def _of_stops(seed: int) -> cw.Calibration:
     ],
     ids=["two, as after a tare", "three", "one of many", "eleven in a row are stuck", "half of another row is zero"],
 )
-def test_zeros_that_may_be_readings_are_taken(rows: list[int], n: int, zeros_elsewhere: int, are_lost: bool) -> None:
+def test_rows_of_zeros_are_lost_packets_or_readings(
+    rows: list[int], n: int, zeros_elsewhere: int, are_lost: bool
+) -> None:
     t, wrench, _ = recorded(5)
     wrench[rows], wrench[40, :zeros_elsewhere] = 0.0, 0.0
     left_out = np.flatnonzero(np.isnan(WrenchStream(t[:n], wrench[:n]).wrench).all(axis=1))

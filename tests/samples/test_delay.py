@@ -119,6 +119,7 @@ def test_where_a_clock_runs_off_the_std_covers_the_delays_of_begin_and_end(seed:
     assert estimate_delay(streams, within=NEAR).std < 0.2 * found.std
 
 
+@pytest.mark.slow
 def test_contacts_count_little() -> None:
     streams = gravity_alone(5)
     rng = np.random.default_rng(5)

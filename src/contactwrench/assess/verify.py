@@ -127,8 +127,8 @@ def verify(
 
     Poses without a load must be explained: within the limits where those are stated, else by the calibration's
     covariance and noise at the 1 % level, and at half of that the part that another tool, mounting or bias makes, which
-    the noise of many poses hides; less a bias that moved no further than calibrating has seen it move. Poses
-    with a `load_mass` are weighed; without limits the weighings must agree with the loads at that level too.
+    the noise of many poses hides; less a bias that moved no further than calibrating has seen it move. Poses with a
+    `load_mass` are weighed; without limits the weighings must agree with the loads at the 1 % level too.
 
     Args:
         calibration: that is held against them.

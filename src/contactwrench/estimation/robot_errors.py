@@ -166,8 +166,8 @@ def _begun(linear: Linear, base: AlikeOnAxes, turns: Turns) -> Turned | None:
 
 
 def _with_share(linear: Linear, base: AlikeOnAxes, turns: Turns, share: float) -> Turned:
-    """Turns that have the `share` (`Turned.shares`) of the noise of forces or torques, the variances of the base being
-    about that of both; a drift is as large as it was.
+    """Turns that have the `share` (`Turned.shares`) of the noise of forces or torques, where it is the larger, the
+    variances of the base being about that of noise and turns; a drift is as large as it was.
     """
     load = np.mean(turns.reads_of_kept**2, axis=(0, 2)) + 1e-300
     of_axis = share * load / base.variance / of_larger(load / base.variance)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
 from threading import Thread
 from time import monotonic, sleep
 from typing import Any
@@ -120,6 +123,26 @@ def test_who_closes_waits_for_no_connection() -> None:
         source.close()
         opens.join()
         assert monotonic() - begun < 0.5
+
+
+def test_a_process_with_a_thousand_open_files_can_connect() -> None:
+    resource = pytest.importorskip("resource")  # not on Windows
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(4096, limits[1]), limits[1]))
+    try:
+        with socket.create_server(("127.0.0.1", 0)) as server, ExitStack() as files:
+            for _ in range(1100):
+                files.enter_context(Path(os.devnull).open("rb"))
+            source = source_of(f"tcp://127.0.0.1:{server.getsockname()[1]}?columns=fx,fy,fz,tx,ty,tz")
+            with ThreadPoolExecutor(1) as pool:
+                opening = pool.submit(source.open)
+                connection, _ = server.accept()
+                connection.sendall(b"1,0,0,0,0,0\n" * 3)
+                assert opening.result().wrench
+                connection.close()
+            source.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
 def test_a_gateway_to_a_serial_line_gives_what_that_can() -> None:

@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from select import select
+from selectors import EVENT_WRITE, DefaultSelector
 from threading import Lock
 from time import monotonic
 from typing import Any
@@ -178,9 +179,11 @@ class Tcp(Link):
             made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             made.setblocking(False)
             status, until = made.connect_ex(address), monotonic() + TO_CONNECT
-            while status in IN_PROGRESS and deadline.left and monotonic() < until:
-                if any(select([], [made], [made], LOOK)):
-                    status = made.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+            with DefaultSelector() as selector:
+                selector.register(made, EVENT_WRITE)
+                while status in IN_PROGRESS and deadline.left and monotonic() < until:
+                    if selector.select(LOOK):
+                        status = made.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if status:
                 self._drop()
             return (REASONS.get(status) or os.strerror(status).lower()) if status else ""
