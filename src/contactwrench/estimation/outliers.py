@@ -51,6 +51,7 @@ SUBSETS, OF_SUBSET = 120, 4
 FEW = 8
 CONCENTRATIONS, FINALISTS = 2, 12
 MOST_CONCENTRATIONS = 20
+SPLITS = 3
 VARIANCE_PASSES = 3
 FEWEST_POSES = 5
 EACH, FURTHER = 200, 60
@@ -137,8 +138,8 @@ def likely_clean(
     """The poses (n,) that belong together, where the others are outliers, and where they are on a level of their own:
     `errors` (n, 6) linear in the parameters by `J` (n, 6, q), of which `information` (q, q) and `pull` (q,) are known.
 
-    In the order in which the poses are off the best trimmed fit, those are left out that the evidence of a steady bias
-    would leave out.
+    In the order in which the poses are off the best trimmed fit, or beyond where the fit of all falls in two, those are
+    left out that the evidence of a steady bias would leave out: many that are off by the same hide in a trimmed fit.
     """
     n = len(errors)
     if n < FEWEST_POSES:
@@ -149,9 +150,35 @@ def likely_clean(
     best = kept[np.argsort(problem.fit(kept, 1).variance.prod(axis=0))[:FINALISTS]]
     best = problem.concentrated(best, MOST_CONCENTRATIONS)
     fits = problem.fit(best)
-    first = int(np.argmin(fits.variance.prod(axis=0)))
-    clean, distance = best[first], fits.distance[first]
-    return problem.settled(clean, distance, log_prior_outlying), problem.settled(clean, distance, log_prior_two_levels)
+    far = fits.distance[[np.argmin(fits.variance.prod(axis=0))]]
+    if n > FEW:
+        far = np.vstack([far, beyond_the_cut(problem.fit(np.ones((1, n), dtype=bool)).left[0])])
+    return problem.settled(far, log_prior_outlying), problem.settled(far, log_prior_two_levels)
+
+
+def beyond_the_cut(errors: Array) -> Array:
+    """How far (n,) errors (n, 6) are beyond the likeliest cut in two sets about means of their own, of as many ways to
+    cut, along the direction that tells the two apart best (Fisher, 1936): above 0 in the smaller one.
+    """
+    n, below = len(errors), np.arange(1, len(errors))
+    log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
+    log_ways = log_factorial[n] - log_factorial[below] - log_factorial[n - below]
+    off = errors - errors.mean(axis=0)
+    off = off / np.maximum(np.sqrt(np.mean(off**2, axis=0)), 1e-300)
+    inverse = np.linalg.inv(off.T @ off / n + 1e-9 * np.eye(6))
+    directions = np.concatenate([np.eye(6), np.linalg.svd(off, full_matrices=False)[2]])
+    for _ in range(SPLITS):
+        along = directions @ off.T
+        order = np.argsort(along, axis=1)
+        sums = np.cumsum(off[order], axis=1)[:, :-1]
+        apart = np.sum(sums @ inverse * sums, axis=2) / (below * (n - below))  # of all scatter, that of the two means
+        odds = -0.5 * n * np.log(np.maximum(1.0 - apart, 1e-12)) - log_ways
+        cut = np.argmax(odds, axis=1)[:, None]
+        directions = np.take_along_axis(sums, cut[..., None], axis=1)[:, 0] @ inverse
+    best = int(np.argmax(np.take_along_axis(odds, cut, axis=1)))
+    first = int(cut[best, 0])
+    beyond = along[best] - along[best, order[best, first : first + 2]].mean()
+    return np.asarray(beyond if 2 * below[first] >= n else -beyond)
 
 
 def _subsets(n: int) -> NDArray[np.bool_]:
@@ -213,25 +240,27 @@ class _Trimmed:
                 break
         return kept
 
-    def settled(self, clean: NDArray[np.bool_], distance: Array, log_prior: LogPrior) -> NDArray[np.bool_]:
-        """The likeliest set that is reached from `clean`, with the distances (n,) from its fit."""
-        log_priors = np.array([log_prior(len(distance), out) for out in self.numbers.tolist()])
+    def settled(self, far: Array, log_prior: LogPrior) -> NDArray[np.bool_]:
+        """The likeliest set that is reached from how `far` off (m, n) the poses are in some ways to see it."""
+        log_priors = np.array([log_prior(len(self.errors), out) for out in self.numbers.tolist()])
         k, log_priors = self.numbers[np.isfinite(log_priors)], log_priors[np.isfinite(log_priors)]
+        clean, most = np.ones(len(self.errors), dtype=bool), -np.inf
         for _ in range(MOST_CONCENTRATIONS):
-            before, (clean, distance) = clean, self.likeliest(distance, k, log_priors)
-            if (clean == before).all():
+            evidence, rival, far = self.likeliest(far, k, log_priors)
+            if evidence <= most:
                 break
+            clean, most = rival, evidence
         return clean
 
-    def likeliest(self, distance: Array, k: NDArray[np.intp], log_priors: Array) -> tuple[NDArray[np.bool_], Array]:
-        """Of the sets that leave out the k (m,) poses furthest off, by `distance` (n,), the one of the largest
-        evidence, and the distances from its fit.
+    def likeliest(self, far: Array, k: NDArray[np.intp], log_priors: Array) -> tuple[float, NDArray[np.bool_], Array]:
+        """Of the sets that leave out the k (s,) poses furthest off, in each way to see it, `far` (m, n), the largest
+        evidence, that set, and the distances (1, n) from its fit.
         """
-        n = len(distance)
-        place = np.empty(n, dtype=np.intp)
-        place[np.argsort(-distance)] = np.arange(n)
-        masks = place >= k[:, None]
-        fits = self.fit(masks)
+        m, n = far.shape
+        place = np.empty((m, n), dtype=np.intp)
+        np.put_along_axis(place, np.argsort(-far, axis=1), np.arange(n)[None], axis=1)
+        masks = (place[:, None] >= k[:, None]).reshape(-1, n)
+        fits, k, log_priors = self.fit(masks), np.tile(k, m), np.tile(log_priors, m)
         log_variance = np.log(fits.variance)
         log_det = np.linalg.slogdet(fits.scaled)[1] + 2.0 * np.log(fits.unit).sum(axis=1)
         z = fits.left / np.sqrt(np.repeat(fits.variance, 3, axis=0).T[:, None])
@@ -239,7 +268,7 @@ class _Trimmed:
         density -= 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
         evidence = density - 0.5 * log_det - 1.5 * n * log_variance.sum(axis=0)
         best = int(np.argmax(evidence))
-        return masks[best], fits.distance[best]
+        return float(evidence[best]), masks[best], fits.distance[best][None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from ..geometry.arrays import Array
 from ..model import RigidTool, wrench_jacobian
 from .bias_drift import Drift
 from .hypotheses import Hypothesis
-from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
+from .outliers import beyond_the_cut, likely_clean, log_prior_outlying, log_prior_two_levels
 from .problem import Problem
 from .robot_errors import turns_across_gravity
 from .settling import settled, with_kernels
@@ -144,15 +144,9 @@ def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     """
     if table.kinds[table.best] != Kind.BIAS_WANDERED:
         return []
-    left = (explained(problem, table, table.best)[0] / np.sqrt(table.members.variance[table.best]))[table.kept]
-    U, size, _ = np.linalg.svd(left - left.mean(axis=0), full_matrices=False)
-    along, n = U[:, 0] * size[0], len(left)
-    order, below = np.argsort(along), np.arange(1, n)
-    apart = np.cumsum(along[order])[:-1] ** 2 / (below * (n - below))  # of the means of both sides
-    side = np.zeros(n, dtype=bool)
-    side[order[: int(below[np.argmax(apart)])]] = True
+    left = explained(problem, table, table.best)[0][table.kept]
     larger = np.ones_like(table.kept)
-    larger[table.kept] = side if 2 * side.sum() >= n else ~side
+    larger[table.kept] = beyond_the_cut(left) < 0.0
     return [larger]
 
 
