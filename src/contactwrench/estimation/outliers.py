@@ -1,8 +1,8 @@
 """Poses that do not belong to the others: in contact, bumped, read before the arm was still.
 
 Contacts mask each other, so the search for clean poses starts from many small subsets (least trimmed squares with
-concentration steps; Rousseeuw and Van Driessen, 1999), never from the fit of all. What it proposes is then judged by
-evidence beside everything else (posterior.py).
+concentration steps; Rousseeuw and Van Driessen, 1999), and from where the errors of the fit of all fall in two. What it
+proposes is then judged by evidence beside everything else (posterior.py).
 """
 
 from __future__ import annotations
