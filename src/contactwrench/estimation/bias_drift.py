@@ -7,6 +7,7 @@ motion has a prior probability, and the answer is the mean over all of them by e
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -116,6 +117,17 @@ class Kernels:
         for own, columns in zip(stack, each, strict=True):
             own[:, : columns.shape[1]] = columns
         return stack
+
+    def by_columns(self, kept: NDArray[np.bool_]) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp], Array]]:
+        """For each number of columns q: the kernels (k,) whose drift has so many, the place of its drift among those
+        that have, (k,), and the columns of these of the poses kept, (d, m, q).
+        """
+        columns = np.array([drift.columns.shape[1] for drift in self.drifts])[self.drift]
+        for q in np.unique(columns[columns > 0]).tolist():
+            kernel = np.flatnonzero(columns == q)
+            first = np.diff(self.drift[kernel], prepend=-1) != 0
+            of_drifts = np.array([self.drifts[drift].columns for drift in self.drift[kernel[first]].tolist()])
+            yield kernel, np.cumsum(first) - 1, of_drifts[:, kept]
 
     def log_plausible(
         self, kernel: NDArray[np.intp], strength: Array, noise: Array | float, weight: Array | float

@@ -198,16 +198,14 @@ def _likely_beside(linear: Linear, alone: Optimum, kernels: Kernels, among: NDAr
     base = alone.V.base
     odds = kernels.log_plausible(among, kernels.strength[among], base.of_forces, linear.weight)
     odds = odds + kernels.log_prior[among]
-    columns, score = np.array([drift.columns.shape[1] for drift in kernels.drifts])[kernels.drift[among]], odds
-    for q in np.unique(columns).tolist():
-        here = np.flatnonzero(columns == q)
-        drifts, of_kernel = np.unique(kernels.drift[among[here]], return_inverse=True)
-        L = np.stack([kernels.drifts[drift].columns[base.kept].T for drift in drifts])  # (d, q, m)
+    score, looked_at = odds, kernels.select(among)
+    for here, of_kernel, columns in looked_at.by_columns(base.kept):
+        L = columns.transpose(0, 2, 1)  # (d, q, m)
         weighted = along_axes(alone, L.reshape(-1, L.shape[2]).T).reshape(6, -1, *L.shape[:2]).transpose(2, 0, 1, 3)
         value, vectors = np.linalg.eigh(L[:, None] @ weighted * base.variance[:, None, None])
         pulls = (L @ alone.left).transpose(0, 2, 1)
         pulled = (pulls[:, :, None] @ vectors)[:, :, 0] ** 2
-        squared = kernels.strength[among[here], None, None] ** 2
+        squared = looked_at.strength[here, None, None] ** 2
         grown = squared * np.maximum(value, 0.0)[of_kernel]
         score[here] += 0.5 * np.sum(squared * pulled[of_kernel] / (1.0 + grown) - np.log1p(grown), axis=(1, 2))
     order = np.argsort(-score)

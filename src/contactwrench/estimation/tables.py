@@ -109,20 +109,24 @@ def untouched(
     """The members in which the robot's orientation is right: every kernel that shows under the widest hypothesis, every
     hypothesis under the likeliest kernel, the former roughly, and then the pairs that come near the best.
     """
+    priors = problem.priors_at(tool, hypotheses)
     if len(among) > FEW_PAIRS:
-        among = among[odds_at_a_glance(problem, tool, kept, hypotheses, among) > -NEAR_AT_A_GLANCE]
+        among = among[odds_at_a_glance(problem, tool, kept, priors, among) > -NEAR_AT_A_GLANCE]
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
-    priors, kernels = problem.priors_at(tool, hypotheses), problem.kernels.select(among)
+    kernels = problem.kernels.select(among)
     moments = moments_of(X, relative, kernels, W, kept)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
+    begin = None
     if len(k) > FEW_PAIRS:
         each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)
         looked_at = solved(moments, kernels, priors, (each, widest), problem.noise, LOOK)
         rough = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, looked_at)).log_evidence
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
-        of_hypotheses = solved(moments, kernels, priors, (likeliest, each), problem.noise).log_evidence
+        under_each = solved(moments, kernels, priors, (likeliest, each), problem.noise)
+        of_hypotheses = under_each.log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
-    members = solved(moments, kernels, priors, (k, h), problem.noise)
+        begin = np.log(looked_at.variance[k] * under_each.variance[h] / looked_at.variance[likeliest[0]])
+    members = solved(moments, kernels, priors, (k, h), problem.noise, begin=begin)
     members = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, members))
     members = those_near(replace(members, kernel=among[k]))
     return Table(tool, priors, hypotheses, kept, problem.kernels, members)
@@ -132,17 +136,17 @@ def odds_at_a_glance(
     problem: Problem,
     tool: RigidTool,
     kept: NDArray[np.bool_],
-    hypotheses: tuple[Hypothesis, ...],
+    priors: Priors,
     among: NDArray[np.intp],
 ) -> Array:
     """Logarithm of the odds of kernels `among` which to look, against a steady bias, under the widest hypothesis; inf
     where a glance cannot tell.
     """
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
-    first = np.zeros(1, dtype=np.intp)
-    steady, priors = problem.kernels.select(first), problem.priors_at(tool, hypotheses[-1:])
+    first, widest = np.zeros(1, dtype=np.intp), np.array([len(priors.apart) - 1])
+    steady = problem.kernels.select(first)
     moments = moments_of(X, relative, steady, W, kept)
-    alone = solved(moments, steady, priors, (first, first), problem.noise, LOOK)
+    alone = solved(moments, steady, priors, (first, widest), problem.noise, LOOK)
     return log_odds(X, relative, problem.kernels.select(among), W, kept, alone)
 
 
