@@ -57,6 +57,9 @@ EACH, FURTHER = 200, 60
 """Up to so many poses that may be left out every number is tried; beyond, so many numbers, some 3 % apart."""
 LogPrior: TypeAlias = Callable[[int, int], float]
 """Logarithm of the probability that of n poses a given set of k is left out."""
+_Sets: TypeAlias = tuple[NDArray[np.bool_], Array, Array]
+"""Of the poses kept (m, n): the squared distances (m, n) of all from each fit, and its evidence (m,) but for the prior.
+"""
 
 COMPARED = np.array([1.0, LEVER])
 """Of forces and torques, N and N m: as much, as long as their noise is not known."""
@@ -151,7 +154,8 @@ def likely_clean(
     fits = problem.fit(best)
     first = int(np.argmin(fits.variance.prod(axis=0)))
     clean, distance = best[first], fits.distance[first]
-    return problem.settled(clean, distance, log_prior_outlying), problem.settled(clean, distance, log_prior_two_levels)
+    sets = problem.without_furthest(distance, problem.numbers)
+    return problem.settled(clean, sets, log_prior_outlying), problem.settled(clean, sets, log_prior_two_levels)
 
 
 def _subsets(n: int) -> NDArray[np.bool_]:
@@ -177,30 +181,34 @@ class _Trimmed:
         self.J, self.errors, self.information, self.pull, self.h = J, errors, information, pull, h
         n, _, q = J.shape
         each = min(n // 2, EACH)
-        self.numbers = np.unique(np.r_[: each + 1, np.geomspace(each, n // 2, FURTHER).astype(np.intp)])  # left out
+        self.numbers = np.arange(each + 1)  # left out
+        if each < n // 2:
+            self.numbers = np.unique(np.r_[self.numbers, np.geomspace(each, n // 2, FURTHER).astype(np.intp)])
         columns = np.concatenate([J, errors[..., None]], axis=2)
         groups = columns.reshape(n, 2, 3, q + 1)
         squared = np.sum((errors / (OF_GROUPS @ COMPARED)) ** 2, axis=1)
-        self.rough = max(float(np.median(squared)) / 6.0, 1e-20)
+        self.rough = COMPARED**2 * max(float(np.median(squared)) / 6.0, 1e-20)
         self.products = np.einsum("ngap,ngaq->gnpq", groups, groups).reshape(2, n, -1)
+        self.at_first = np.tensordot(1.0 / self.rough, self.products, 1)
 
     def fit(self, kept: NDArray[np.bool_], passes: int = VARIANCE_PASSES) -> _Fits:
         """The fits to the poses kept (k, n), forces and torques with variances of their own."""
         k, n = kept.shape
         q, share = self.J.shape[2], kept.astype(np.float64)
-        products = (share @ self.products).reshape(2, k, q + 1, q + 1)
-        variance = COMPARED[:, None] ** 2 * self.rough * np.ones((2, k))
+        total = (share @ self.at_first).reshape(k, q + 1, q + 1)
+        products = (share @ self.products).reshape(2, k, q + 1, q + 1) if passes > 1 else None
         count = kept.sum(axis=1)
-        freedom = np.maximum(3.0 * count - 0.5 * q, 0.25 * count)
-        for _ in range(passes):
-            total = np.einsum("gkpq,gk->kpq", products, 1.0 / variance)
+        freedom, ridge = np.maximum(3.0 * count - 0.5 * q, 0.25 * count), 1e-10 * np.eye(q)
+        for left_to_do in range(passes)[::-1]:
             normal = total[:, :q, :q] + self.information
             unit = np.sqrt(np.einsum("kpp->kp", normal)) + 1e-100
-            scaled = normal / (unit[:, :, None] * unit[:, None, :]) + 1e-10 * np.eye(q)
+            scaled = normal / (unit[:, :, None] * unit[:, None, :]) + ridge
             step = np.linalg.solve(scaled, ((total[:, :q, q] + self.pull) / unit)[..., None])[..., 0] / unit
             left = self.errors - (step @ self.J.reshape(6 * n, q).T).reshape(k, n, 6)
             squares = left**2 @ OF_GROUPS
             variance = np.maximum((share[:, None, :] @ squares)[:, 0].T / freedom, 1e-24)
+            if left_to_do:
+                total = np.einsum("gkpq,gk->kpq", products, 1.0 / variance)
         return _Fits((squares @ (1.0 / variance).T[:, :, None])[:, :, 0], left, variance, scaled, unit)
 
     def concentrated(self, kept: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
@@ -213,33 +221,31 @@ class _Trimmed:
                 break
         return kept
 
-    def settled(self, clean: NDArray[np.bool_], distance: Array, log_prior: LogPrior) -> NDArray[np.bool_]:
-        """The likeliest set that is reached from `clean`, with the distances (n,) from its fit."""
-        log_priors = np.array([log_prior(len(distance), out) for out in self.numbers.tolist()])
-        k, log_priors = self.numbers[np.isfinite(log_priors)], log_priors[np.isfinite(log_priors)]
+    def settled(self, clean: NDArray[np.bool_], sets: _Sets, log_prior: LogPrior) -> NDArray[np.bool_]:
+        """The likeliest set that is reached from `clean`, where the `sets` are less those furthest from its fit."""
+        log_priors = np.array([log_prior(len(clean), out) for out in self.numbers.tolist()])
+        possible = np.isfinite(log_priors)
+        masks, distance, log_likelihood = (each[possible] for each in sets)
         for _ in range(MOST_CONCENTRATIONS):
-            before, (clean, distance) = clean, self.likeliest(distance, k, log_priors)
+            before, best = clean, int(np.argmax(log_likelihood + log_priors[possible]))
+            clean = masks[best]
             if (clean == before).all():
                 break
+            masks, distance, log_likelihood = self.without_furthest(distance[best], self.numbers[possible])
         return clean
 
-    def likeliest(self, distance: Array, k: NDArray[np.intp], log_priors: Array) -> tuple[NDArray[np.bool_], Array]:
-        """Of the sets that leave out the k (m,) poses furthest off, by `distance` (n,), the one of the largest
-        evidence, and the distances from its fit.
-        """
+    def without_furthest(self, distance: Array, k: NDArray[np.intp]) -> _Sets:
+        """The sets that leave out the k (m,) poses furthest off, by `distance` (n,)."""
         n = len(distance)
         place = np.empty(n, dtype=np.intp)
         place[np.argsort(-distance)] = np.arange(n)
         masks = place >= k[:, None]
         fits = self.fit(masks)
-        log_variance = np.log(fits.variance)
         log_det = np.linalg.slogdet(fits.scaled)[1] + 2.0 * np.log(fits.unit).sum(axis=1)
         z = fits.left / np.sqrt(np.repeat(fits.variance, 3, axis=0).T[:, None])
-        density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0) + log_priors
+        density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0)
         density -= 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
-        evidence = density - 0.5 * log_det - 1.5 * n * log_variance.sum(axis=0)
-        best = int(np.argmax(evidence))
-        return masks[best], fits.distance[best]
+        return masks, fits.distance, density - 0.5 * log_det - 1.5 * n * np.log(fits.variance).sum(axis=0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -122,7 +122,8 @@ def untouched(
         looked_at = solved(moments, kernels, priors, (each, widest), problem.noise, LOOK)
         rough = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, looked_at)).log_evidence
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
-        under_each = solved(moments, kernels, priors, (likeliest, each), problem.noise)
+        begin = np.log(looked_at.variance[likeliest])
+        under_each = solved(moments, kernels, priors, (likeliest, each), problem.noise, begin=begin)
         of_hypotheses = under_each.log_evidence
         k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
         begin = np.log(looked_at.variance[k] * under_each.variance[h] / looked_at.variance[likeliest[0]])
