@@ -81,7 +81,7 @@ class Drift:
     def strengths(self) -> Array:
         """How strong it may be, in units of the noise."""
         strengths = STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS_OF_MANY
-        return strengths[strengths >= self.least]
+        return strengths[strengths >= self.least] if self.least > 0.0 else strengths
 
 
 @dataclass(frozen=True, eq=False)

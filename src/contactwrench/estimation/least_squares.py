@@ -174,12 +174,13 @@ def solved(
     apart = priors.apart[hypothesis]
     log_variance = noise.first(at_tool / max(moments.n - 1.0, 1.0)) if begin is None else begin
     unit = np.ones((m, p + 1))  # of the parameters, which differ widely, each its std
-    unit[:, :p] = np.einsum("ma,mapp->mp", np.exp(-log_variance), own[..., :p, :p]) + np.einsum("mpp->mp", information)
+    flat = own.reshape(m, 6, -1)
+    along = (np.exp(-log_variance)[:, None] @ flat[:, :, :: p + 2])[:, 0]  # the diagonals
+    unit[:, :p] = along[:, :p] + np.einsum("mpp->mp", information)
     unit = 1.0 / np.sqrt(np.maximum(unit, 1e-60))
     own *= (unit[:, :, None] * unit[:, None, :])[:, None]
     scale = unit[:, :p, None] * unit[:, None, :p]
     scaled_information, scaled_pull = information * scale, pull * unit[:, :p]
-    flat = own.reshape(m, 6, -1)
     after, of_products = np.ones((m, p + 1)), np.zeros((m, 2, p + 1, p + 1))
     for k in range(passes):
         precision = np.exp(-log_variance)

@@ -118,7 +118,7 @@ def _looked_at_anew(problem: Problem, table: Table, near: NDArray[np.intp]) -> T
     left out now, had hidden them.
     """
     hidden = np.setdiff1d(seen(problem, table.kept, None), near)
-    odds = odds_at_a_glance(problem, table.tool, table.kept, table.priors, hidden)
+    odds = odds_at_a_glance(problem, table.tool, table.kept, table.priors, hidden, table.members)
     shown = hidden[(odds > 0.0) & np.isfinite(odds)]
     return with_kernels(problem, table, shown) if len(shown) else table
 
@@ -134,7 +134,8 @@ def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_
     possible = np.isfinite(log_prior)
     kernels = problem.kernels.joined(list(compress(levels, possible)), list(compress(log_prior, possible)))
     problem, look = replace(problem, kernels=kernels), np.arange(before, len(kernels.drift))
-    shown = look[odds_at_a_glance(problem, table.tool, table.kept, table.priors, look) > -NEAR_AT_A_GLANCE]
+    odds = odds_at_a_glance(problem, table.tool, table.kept, table.priors, look, table.members)
+    shown = look[odds > -NEAR_AT_A_GLANCE]
     return with_kernels(problem, table, shown) if len(shown) else table
 
 

@@ -65,24 +65,20 @@ def turns_of_robot(n: int, in_order: bool) -> tuple[Array | None, ...]:
 def turns_across_gravity(tool: RigidTool, R_base_flange: Array, alike: Array | None, kept: NDArray[np.bool_]) -> Turns:
     """Of poses (n,) whose turns about the flange's axes are `alike` (n, n) from pose to pose, None: not at all."""
     r = gravity_in_flange(R_base_flange, tool.gravity_direction)
-    one = np.cross(r, np.eye(3)[np.argmin(np.abs(r), axis=1)])
-    one /= np.linalg.norm(one, axis=1, keepdims=True)
-    about = np.stack([one, np.cross(r, one)], axis=2)
+    across = cross_matrix(r)
+    one = across[range(len(r)), :, np.argmin(np.abs(r), axis=1), None]
+    one = one / np.linalg.norm(one, axis=1, keepdims=True)
+    about = np.concatenate([one, across @ one], axis=2)
     if alike is not None:
         flat = about.transpose(1, 0, 2).reshape(3, -1)
         alike = np.repeat(np.repeat(alike, 2, axis=0), 2, axis=1) * (flat.T @ flat)
-    return Turns(_reading(tool, r) @ about, alike, kept)
+    return Turns(wrench_matrix(tool)[:, :3] @ across @ about, alike, kept)
 
 
 def variance_of_turns(tool: RigidTool, R_base_flange: Array) -> Array:
     """Of readings (6,) at these orientations, turned by 1 rad about each axis, on average."""
-    turned = _reading(tool, gravity_in_flange(R_base_flange, tool.gravity_direction))
+    turned = wrench_matrix(tool)[:, :3] @ cross_matrix(gravity_in_flange(R_base_flange, tool.gravity_direction))
     return np.asarray(np.mean(np.sum(turned**2, axis=2), axis=0))
-
-
-def _reading(tool: RigidTool, r: Array) -> Array:
-    """What a small turn about the flange's axes reads, (n, 6, 3), with gravity along `r` (n, 3) in the flange."""
-    return wrench_matrix(tool)[:, :3] @ cross_matrix(r)
 
 
 def likely_with(

@@ -139,15 +139,19 @@ def odds_at_a_glance(
     kept: NDArray[np.bool_],
     priors: Priors,
     among: NDArray[np.intp],
+    found: Members | None = None,
 ) -> Array:
-    """Logarithm of the odds of kernels `among` which to look, against a steady bias, under the widest hypothesis; inf
-    where a glance cannot tell.
+    """Logarithm of the odds of kernels `among` which to look, against a steady bias, the likeliest that was `found` or
+    the one under the widest hypothesis; inf where a glance cannot tell.
     """
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
-    first, widest = np.zeros(1, dtype=np.intp), np.array([len(priors.apart) - 1])
-    steady = problem.kernels.select(first)
-    moments = moments_of(X, relative, steady, W, kept)
-    alone = solved(moments, steady, priors, (first, widest), problem.noise, LOOK)
+    steady = np.zeros(0) if found is None else np.flatnonzero((found.kernel == 0) & (found.robot < 0))
+    if found is not None and steady.size:
+        alone = found.select(steady[[np.argmax(found.log_evidence[steady])]])
+    else:
+        first, widest = np.zeros(1, dtype=np.intp), np.array([len(priors.apart) - 1])
+        moments = moments_of(X, relative, problem.kernels.select(first), W, kept)
+        alone = solved(moments, problem.kernels.select(first), priors, (first, widest), problem.noise, LOOK)
     return log_odds(X, relative, problem.kernels.select(among), W, kept, alone)
 
 
