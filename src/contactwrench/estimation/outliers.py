@@ -119,14 +119,13 @@ def log_density_outlying(errors: Array, out: NDArray[np.bool_] | None = None) ->
     the same way.
     """
     out = np.ones(errors.shape[:-1], dtype=bool) if out is None else out
-    k, errors = out.sum(axis=-1), errors * out[..., None]
-    squared = np.sum(errors**2, axis=-1)
+    k, squared = out.sum(axis=-1), np.einsum("...na,...na->...n", errors, errors) * out
     of_each, each = -6.0 * np.log(WIDTHS) - 0.5 * np.multiply.outer(squared[out], WIDTHS**-2.0), np.zeros(out.shape)
     most = of_each.max(axis=-1)
     each[out] = most + np.log(np.exp(of_each - most[:, None]).sum(axis=-1))
     apart = each.sum(axis=-1) - (k - 1.0) * np.log(len(WIDTHS))
     of_all = -6.0 * np.multiply.outer(k, np.log(WIDTHS)) - 0.5 * np.multiply.outer(squared.sum(axis=-1), WIDTHS**-2.0)
-    total = errors.sum(axis=-2)
+    total = (out[..., None, :].astype(np.float64) @ errors)[..., 0, :]
     along, spread = np.sum(total**2, axis=-1) / np.maximum(k, 1), 1.0 + np.multiply.outer(k, WIDTHS**2)
     off = (squared.sum(axis=-1) - along)[..., None]
     alike = np.logaddexp.reduce(-0.5 * (off + along[..., None] / spread) - 3.0 * np.log(spread), axis=-1)

@@ -165,7 +165,7 @@ def _with_share(linear: Linear, base: AlikeOnAxes, turns: Turns, share: float) -
     """Turns that have the `share` (`Turned.shares`) of the noise of forces or torques, where it is the larger, the
     variances of the base being about that of noise and turns; a drift is as large as it was.
     """
-    load = np.mean(turns.reads_of_kept**2, axis=(0, 2)) + 1e-300
+    load = turns.mean_square + 1e-300
     of_axis = share * load / base.variance / of_larger(load / base.variance)
     noise = base.variance / (1.0 + 2.0 * of_axis)
     V = Turned(base, turns, float(np.sqrt(share / of_larger(load / noise))))

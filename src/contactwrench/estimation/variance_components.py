@@ -47,6 +47,15 @@ class Linear:
     priors: Priors
     noise: NoiseModel
 
+    @cached_property
+    def known(self) -> tuple[Array, Array]:
+        """Information (p, p) and pull (p,) of what is known, under the widest hypothesis that has the axes alike."""
+        p = self.J.shape[2]
+        information, pull, hypothesis = np.zeros((p, p)), np.zeros(p), np.flatnonzero(self.priors.apart == ALIKE)[-1]
+        information[np.ix_(self.columns, self.columns)] = self.priors.information[hypothesis]
+        pull[self.columns] = self.priors.pull[hypothesis]
+        return information, pull
+
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
@@ -112,17 +121,14 @@ def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Opti
     """The parameters under V, and the widest hypothesis; the `usual_share` of the weight that its drift has, None: any
     size is as likely.
     """
-    hypothesis = np.flatnonzero(linear.priors.apart == ALIKE)[-1]
     m, _, p = linear.J.shape
     both = np.concatenate([linear.J, linear.errors[..., None]], axis=2) / V.noise[:, None]
     both[:, :, p] += V.sd**2 * linear.weight * both[:, :, 0]
     weighted = V.whitened(both)
     total = both.reshape(6 * m, -1).T @ weighted.reshape(6 * m, -1)
-    information, pull = total[:p, :p].copy(), total[:p, p].copy()
-    information[np.ix_(linear.columns, linear.columns)] += linear.priors.information[hypothesis]
-    pull[linear.columns] += linear.priors.pull[hypothesis]
-    covariance = inverse_of(information)
-    left, of_J = weighted @ np.append(-covariance @ pull, 1.0), weighted[:, :, :p]
+    information, pull = linear.known
+    covariance = inverse_of(total[:p, :p] + information)
+    left, of_J = weighted @ np.append(-covariance @ (total[:p, p] + pull), 1.0), weighted[:, :, :p]
     dof = np.zeros(8)
     along = (V.base.drift.T @ of_J.reshape(m, -1)).reshape(-1, 6, p)
     of_drift = V.dof_of_drift - ((along @ covariance) * along).sum(axis=(0, 2))
@@ -192,7 +198,8 @@ def _in_common(V: Turned, weighted: Array, covariance: Array) -> tuple[Array, Ar
     for itself, (m, 6, r), and its covariance (r, r) given the readings; `weighted` derivatives (m, 6, p), likewise.
     """
     c, p = V.columns.shape[2], len(covariance)
-    known = np.block([[V.left_in_common, np.zeros((c, p))], [np.zeros((p, c)), covariance]])
+    known = np.zeros((c + p, c + p))
+    known[:c, :c], known[c:, c:] = V.left_in_common, covariance
     return np.concatenate([V.weighted_columns, weighted], axis=2), known
 
 
