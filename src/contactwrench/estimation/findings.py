@@ -161,8 +161,7 @@ def largest_force_std(fit: Estimate) -> float:
     if isinstance(fit, RigidEstimate) and fit.gain_covariance is not None:
         A, of_axes = np.column_stack([r, np.ones(len(r))]), fit.gain_covariance.reshape(6, 4, 6, 4)
         variance += np.sum((A @ of_axes[range(3), :, range(3)].sum(axis=0)) * A, axis=1)
-    J = J.reshape(3 * len(R), -1)
-    variance += np.sum((J @ fit.covariance) * J, axis=1).reshape(-1, 3).sum(axis=1)
+    variance += np.sum(np.tensordot(J, fit.covariance, 1) * J, axis=(1, 2))
     return float(np.sqrt(max(variance.max(), 0.0)))  # gains may lessen it in places
 
 
@@ -267,15 +266,14 @@ def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:
     gain = float(np.sum(whitened**2)) - rest
     dof, added = 6.0 * n - AFFINE_PARAMETERS, AFFINE_PARAMETERS - RIGID_PARAMETERS
     left = max(rest / max(dof, 1.0), float(np.mean(readings.least_variance / fit.noise**2)))
-    if n < FEWEST_POSES_FOR_MATRIX or float(fdtrc(added, dof, gain / added / left)) > SIGNIFICANCE:
-        return False, DOUBTFUL, Kind.CROSS_TALK, ""
+    shows = n >= FEWEST_POSES_FOR_MATRIX and float(fdtrc(added, dof, gain / added / left)) <= SIGNIFICANCE
     B = np.asarray(np.linalg.lstsq(A, readings.wrench - fit.change[fit.kept], rcond=None)[0].T, dtype=np.float64)
     values = ", ".join(f"{value:.4g}" for value in np.linalg.svd(B[:3, :3], compute_uv=False))
     text = (
         f"no rigid tool explains these readings (chance under 0.1 %): their force matrix has the singular values "
         f"{values} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare --model affine"
     )
-    return True, DOUBTFUL, Kind.CROSS_TALK, text
+    return shows, DOUBTFUL, Kind.CROSS_TALK, text
 
 
 def _gain_of_axis(fit: RigidEstimate, readings: PoseReadings) -> Row:

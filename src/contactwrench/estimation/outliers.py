@@ -46,6 +46,7 @@ E_FOLDS = len(WIDTHS) * np.log(WIDTHS[1] / WIDTHS[0])
 WAYS_TO_TOUCH = 3.0
 """As widely off, each in its own way, or all by the same: alike before the readings."""
 
+RIDGE = 1e-10
 CLEAN_SHARE = 2.0 / 3.0
 SUBSETS, OF_SUBSET = 120, 4
 FEW = 8
@@ -57,9 +58,6 @@ EACH, FURTHER = 200, 60
 """Up to so many poses that may be left out every number is tried; beyond, so many numbers, some 3 % apart."""
 LogPrior: TypeAlias = Callable[[int, int], float]
 """Logarithm of the probability that of n poses a given set of k is left out."""
-_Sets: TypeAlias = tuple[NDArray[np.bool_], Array, Array]
-"""Of the poses kept (m, n): the squared distances (m, n) of all from each fit, and its evidence (m,) but for the prior.
-"""
 
 COMPARED = np.array([1.0, LEVER])
 """Of forces and torques, N and N m: as much, as long as their noise is not known."""
@@ -153,8 +151,7 @@ def likely_clean(
     fits = problem.fit(best)
     first = int(np.argmin(fits.variance.prod(axis=0)))
     clean, distance = best[first], fits.distance[first]
-    sets = problem.without_furthest(distance, problem.numbers)
-    return problem.settled(clean, sets, log_prior_outlying), problem.settled(clean, sets, log_prior_two_levels)
+    return problem.settled(clean, distance, log_prior_outlying), problem.settled(clean, distance, log_prior_two_levels)
 
 
 def _subsets(n: int) -> NDArray[np.bool_]:
@@ -177,8 +174,11 @@ class _Trimmed:
     """Least squares on subsets of the poses, in stacks."""
 
     def __init__(self, J: Array, errors: Array, information: Array, pull: Array, h: int) -> None:
-        self.J, self.errors, self.information, self.pull, self.h = J, errors, information, pull, h
         n, _, q = J.shape
+        unit = 1.0 / np.sqrt(np.sum((J / (OF_GROUPS @ COMPARED)[:, None]) ** 2, axis=(0, 1)) + 1e-60)
+        J, self.errors, self.h, self.known = J * unit, errors, h, np.zeros((q + 1, q + 1))
+        self.known[:q, :q], self.known[:q, q] = information * unit * unit[:, None], pull * unit
+        self.flat = J.reshape(6 * n, q).T
         each = min(n // 2, EACH)
         self.numbers = np.arange(each + 1)  # left out
         if each < n // 2:
@@ -193,22 +193,23 @@ class _Trimmed:
     def fit(self, kept: NDArray[np.bool_], passes: int = VARIANCE_PASSES) -> _Fits:
         """The fits to the poses kept (k, n), forces and torques with variances of their own."""
         k, n = kept.shape
-        q, share = self.J.shape[2], kept.astype(np.float64)
+        q, share = len(self.flat), kept.astype(np.float64)
         total = (share @ self.at_first).reshape(k, q + 1, q + 1)
-        products = (share @ self.products).reshape(2, k, q + 1, q + 1) if passes > 1 else None
+        products = (share @ self.products if passes > 1 else self.products[:, :0]).reshape(2, -1, q + 1, q + 1)
         count = kept.sum(axis=1)
-        freedom, ridge = np.maximum(3.0 * count - 0.5 * q, 0.25 * count), 1e-10 * np.eye(q)
+        freedom = np.maximum(3.0 * count - 0.5 * q, 0.25 * count)
         for left_to_do in range(passes)[::-1]:
-            normal = total[:, :q, :q] + self.information
-            unit = np.sqrt(np.einsum("kpp->kp", normal)) + 1e-100
-            scaled = normal / (unit[:, :, None] * unit[:, None, :]) + ridge
-            step = np.linalg.solve(scaled, ((total[:, :q, q] + self.pull) / unit)[..., None])[..., 0] / unit
-            left = self.errors - (step @ self.J.reshape(6 * n, q).T).reshape(k, n, 6)
+            total += self.known
+            normal = total[:, :q, :q]
+            diagonal = np.einsum("kpp->kp", normal)
+            diagonal += RIDGE * diagonal + 1e-60
+            step = np.linalg.solve(normal, total[:, :q, q:])[..., 0]
+            left = self.errors - (step @ self.flat).reshape(k, n, 6)
             squares = left**2 @ OF_GROUPS
             variance = np.maximum((share[:, None, :] @ squares)[:, 0].T / freedom, 1e-24)
             if left_to_do:
                 total = np.einsum("gkpq,gk->kpq", products, 1.0 / variance)
-        return _Fits((squares @ (1.0 / variance).T[:, :, None])[:, :, 0], left, variance, scaled, unit)
+        return _Fits((squares @ (1.0 / variance).T[:, :, None])[:, :, 0], left, variance, normal)
 
     def concentrated(self, kept: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
         """Each set replaced by the `h` poses nearest to its own fit, so many times."""
@@ -220,41 +221,43 @@ class _Trimmed:
                 break
         return kept
 
-    def settled(self, clean: NDArray[np.bool_], sets: _Sets, log_prior: LogPrior) -> NDArray[np.bool_]:
-        """The likeliest set that is reached from `clean`, where the `sets` are less those furthest from its fit."""
-        log_priors = np.array([log_prior(len(clean), out) for out in self.numbers.tolist()])
-        possible = np.isfinite(log_priors)
-        masks, distance, log_likelihood = (each[possible] for each in sets)
+    def settled(self, clean: NDArray[np.bool_], distance: Array, log_prior: LogPrior) -> NDArray[np.bool_]:
+        """The likeliest set that is reached from `clean`, with the distances (n,) from its fit."""
+        log_priors = np.array([log_prior(len(distance), out) for out in self.numbers.tolist()])
+        k, log_priors = self.numbers[np.isfinite(log_priors)], log_priors[np.isfinite(log_priors)]
         for _ in range(MOST_CONCENTRATIONS):
-            before, best = clean, int(np.argmax(log_likelihood + log_priors[possible]))
-            clean = masks[best]
+            before, (clean, distance) = clean, self.likeliest(distance, k, log_priors)
             if (clean == before).all():
                 break
-            masks, distance, log_likelihood = self.without_furthest(distance[best], self.numbers[possible])
         return clean
 
-    def without_furthest(self, distance: Array, k: NDArray[np.intp]) -> _Sets:
-        """The sets that leave out the k (m,) poses furthest off, by `distance` (n,)."""
+    def likeliest(self, distance: Array, k: NDArray[np.intp], log_priors: Array) -> tuple[NDArray[np.bool_], Array]:
+        """Of the sets that leave out the k (m,) poses furthest off, by `distance` (n,), the one of the largest
+        evidence, and the distances from its fit.
+        """
         n = len(distance)
         place = np.empty(n, dtype=np.intp)
         place[np.argsort(-distance)] = np.arange(n)
         masks = place >= k[:, None]
         fits = self.fit(masks)
-        log_det = np.linalg.slogdet(fits.scaled)[1] + 2.0 * np.log(fits.unit).sum(axis=1)
+        log_variance = np.log(fits.variance)
+        log_det = np.linalg.slogdet(fits.normal)[1]  # but for what all have in common
         z = fits.left / np.sqrt(np.repeat(fits.variance, 3, axis=0).T[:, None])
-        density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0)
+        density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0) + log_priors
         density -= 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
-        return masks, fits.distance, density - 0.5 * log_det - 1.5 * n * np.log(fits.variance).sum(axis=0)
+        evidence = density - 0.5 * log_det - 1.5 * n * log_variance.sum(axis=0)
+        best = int(np.argmax(evidence))
+        return masks[best], fits.distance[best]
 
 
 @dataclass(frozen=True, eq=False)
 class _Fits:
     """Of a stack of fits: squared distances (k, n) of all poses in units of what is left in those kept, errors `left`
-    (k, n, 6), `variance` (2, k) of forces and of torques, and the information (k, q, q), `scaled` by `unit` (k, q).
+    (k, n, 6), `variance` (2, k) of forces and of torques, and the `normal` matrices (k, q, q) of parameters in units
+    that are the same for all.
     """
 
     distance: Array
     left: Array
     variance: Array
-    scaled: Array
-    unit: Array
+    normal: Array

@@ -145,13 +145,12 @@ def odds_at_a_glance(
     the one under the widest hypothesis; inf where a glance cannot tell.
     """
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
-    steady = np.zeros(0) if found is None else np.flatnonzero((found.kernel == 0) & (found.robot < 0))
-    if found is not None and steady.size:
-        alone = found.select(steady[[np.argmax(found.log_evidence[steady])]])
-    else:
+    steady = None if found is None else found.select((found.kernel == 0) & (found.robot < 0))
+    if steady is None or not len(steady.kernel):
         first, widest = np.zeros(1, dtype=np.intp), np.array([len(priors.apart) - 1])
         moments = moments_of(X, relative, problem.kernels.select(first), W, kept)
-        alone = solved(moments, problem.kernels.select(first), priors, (first, widest), problem.noise, LOOK)
+        steady = solved(moments, problem.kernels.select(first), priors, (first, widest), problem.noise, LOOK)
+    alone = steady.select(np.argsort(-steady.log_evidence)[:1])
     return log_odds(X, relative, problem.kernels.select(among), W, kept, alone)
 
 

@@ -48,13 +48,9 @@ class Linear:
     noise: NoiseModel
 
     @cached_property
-    def known(self) -> tuple[Array, Array]:
-        """Information (p, p) and pull (p,) of what is known, under the widest hypothesis that has the axes alike."""
-        p = self.J.shape[2]
-        information, pull, hypothesis = np.zeros((p, p)), np.zeros(p), np.flatnonzero(self.priors.apart == ALIKE)[-1]
-        information[np.ix_(self.columns, self.columns)] = self.priors.information[hypothesis]
-        pull[self.columns] = self.priors.pull[hypothesis]
-        return information, pull
+    def told(self) -> Array:
+        """The `columns` (q, p) of all parameters, as rows of the identity."""
+        return np.eye(self.J.shape[2])[self.columns]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +122,9 @@ def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Opti
     both[:, :, p] += V.sd**2 * linear.weight * both[:, :, 0]
     weighted = V.whitened(both)
     total = both.reshape(6 * m, -1).T @ weighted.reshape(6 * m, -1)
-    information, pull = linear.known
-    covariance = inverse_of(total[:p, :p] + information)
-    left, of_J = weighted @ np.append(-covariance @ (total[:p, p] + pull), 1.0), weighted[:, :, :p]
+    told, priors, h = linear.told, linear.priors, np.flatnonzero(linear.priors.apart == ALIKE)[-1]
+    covariance = inverse_of(total[:p, :p] + told.T @ priors.information[h] @ told)
+    left, of_J = weighted @ np.append(-covariance @ (total[:p, p] + priors.pull[h] @ told), 1.0), weighted[:, :, :p]
     dof = np.zeros(8)
     along = (V.base.drift.T @ of_J.reshape(m, -1)).reshape(-1, 6, p)
     of_drift = V.dof_of_drift - ((along @ covariance) * along).sum(axis=(0, 2))
@@ -198,8 +194,7 @@ def _in_common(V: Turned, weighted: Array, covariance: Array) -> tuple[Array, Ar
     for itself, (m, 6, r), and its covariance (r, r) given the readings; `weighted` derivatives (m, 6, p), likewise.
     """
     c, p = V.columns.shape[2], len(covariance)
-    known = np.zeros((c + p, c + p))
-    known[:c, :c], known[c:, c:] = V.left_in_common, covariance
+    known = np.block([[V.left_in_common, np.zeros((c, p))], [np.zeros((p, c)), covariance]])
     return np.concatenate([V.weighted_columns, weighted], axis=2), known
 
 
@@ -211,21 +206,19 @@ def members_of(
     """
     V, p, priors, (chi2, dof) = optimum.V, linear.J.shape[2], linear.priors, optimum.of_axes
     h = np.flatnonzero(priors.apart == ALIKE)
-    m, place = len(h), np.ix_(range(len(h)), linear.columns, linear.columns)
-    information, pull = np.tile(optimum.total[:p, :p], (m, 1, 1)), np.tile(optimum.total[:p, p], (m, 1))
-    information[place] += priors.information[h]
-    pull[:, linear.columns] += priors.pull[h]
+    m, told = len(h), linear.told
+    information = optimum.total[:p, :p] + told.T @ priors.information[h] @ told
+    pull = optimum.total[:p, p] + priors.pull[h] @ told
     covariance = inverse_of(information)
     step = (covariance @ pull[..., None])[..., 0]
     misfit = optimum.total[p, p] - np.einsum("hp,hp->h", step, pull) + priors.precision[h] @ priors.known.residuals**2
-    information[place] += priors.of_volume[h]
-    log_det = np.linalg.slogdet(information)[1]
+    log_det = np.linalg.slogdet(information + told.T @ priors.of_volume[h] @ told)[1]
     log_evidence = 0.5 * (_log_volume(linear, optimum, strengths) - V.log_determinant - log_det - misfit)
     return Members(
         np.full(m, kernel, dtype=np.intp),
         h,
-        step[:, linear.columns],
-        covariance[place],
+        step @ told.T,
+        told @ covariance @ told.T,
         np.tile(V.base.variance, (m, 1)),
         np.tile(dof, (m, 1)),
         log_evidence + log_prior + priors.log_prior[h],
