@@ -175,8 +175,8 @@ def solved(
     log_variance = noise.first(at_tool / max(moments.n - 1.0, 1.0)) if begin is None else begin
     unit = np.ones((m, p + 1))  # of the parameters, which differ widely, each its std
     flat = own.reshape(m, 6, -1)
-    along = (np.exp(-log_variance)[:, None] @ flat[:, :, :: p + 2])[:, 0]  # the diagonals
-    unit[:, :p] = along[:, :p] + np.einsum("mpp->mp", information)
+    of_readings = (np.exp(-log_variance)[:, None] @ flat[:, :, : -1 : p + 2])[:, 0]  # on the diagonals
+    unit[:, :p] = of_readings + np.einsum("mpp->mp", information)
     unit = 1.0 / np.sqrt(np.maximum(unit, 1e-60))
     own *= (unit[:, :, None] * unit[:, None, :])[:, None]
     scale = unit[:, :p, None] * unit[:, None, :p]

@@ -46,7 +46,6 @@ E_FOLDS = len(WIDTHS) * np.log(WIDTHS[1] / WIDTHS[0])
 WAYS_TO_TOUCH = 3.0
 """As widely off, each in its own way, or all by the same: alike before the readings."""
 
-RIDGE = 1e-10
 CLEAN_SHARE = 2.0 / 3.0
 SUBSETS, OF_SUBSET = 120, 4
 FEW = 8
@@ -180,9 +179,7 @@ class _Trimmed:
         self.known[:q, :q], self.known[:q, q] = information * unit * unit[:, None], pull * unit
         self.flat = J.reshape(6 * n, q).T
         each = min(n // 2, EACH)
-        self.numbers = np.arange(each + 1)  # left out
-        if each < n // 2:
-            self.numbers = np.unique(np.r_[self.numbers, np.geomspace(each, n // 2, FURTHER).astype(np.intp)])
+        self.numbers = np.unique(np.r_[: each + 1, np.geomspace(each, n // 2, FURTHER).astype(np.intp)])  # left out
         columns = np.concatenate([J, errors[..., None]], axis=2)
         groups = columns.reshape(n, 2, 3, q + 1)
         squared = np.sum((errors / (OF_GROUPS @ COMPARED)) ** 2, axis=1)
@@ -202,7 +199,7 @@ class _Trimmed:
             total += self.known
             normal = total[:, :q, :q]
             diagonal = np.einsum("kpp->kp", normal)
-            diagonal += RIDGE * diagonal + 1e-60
+            diagonal += 1e-10 * diagonal + 1e-60
             step = np.linalg.solve(normal, total[:, :q, q:])[..., 0]
             left = self.errors - (step @ self.flat).reshape(k, n, 6)
             squares = left**2 @ OF_GROUPS

@@ -104,21 +104,15 @@ class KnownTool:
     whitener: Array
     value: Array | float = 0.0
 
-    @cached_property
-    def _seen(self) -> tuple[bool, bool]:
-        """Whether mounting and gravity are among what is known."""
-        return bool(self.whitener[:, MOUNTING].any()), bool(self.whitener[:, DOWN].any())
-
     def __call__(self, tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
         """What a tool contradicts it by."""
         back, jacobian = np.zeros(9), np.zeros((9, len(names)))
         back[0], back[COM] = self.tool.weight - tool.weight, self.tool.com - tool.com
         jacobian[:4, :4] = np.eye(4)
-        of_mounting, of_gravity = self._seen
-        if of_mounting:
+        if self.whitener[:, MOUNTING].any():
             back[MOUNTING] = rotation_log(tool.R_flange_sensor.T @ self.tool.R_flange_sensor)
             jacobian[MOUNTING] = _log_derivative(back[MOUNTING]) @ mounting_turn(names)
-        if of_gravity:
+        if self.whitener[:, DOWN].any():
             turn, derivative = _turn_of_gravity(self.tool.gravity_direction, tool.gravity_direction)
             back[DOWN] = -turn
             if GRAVITY[0] in names:

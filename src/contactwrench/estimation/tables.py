@@ -113,20 +113,18 @@ def untouched(
     if len(among) > FEW_PAIRS:
         among = among[odds_at_a_glance(problem, tool, kept, priors, among) > -NEAR_AT_A_GLANCE]
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
-    kernels = problem.kernels.select(among)
+    kernels, begin = problem.kernels.select(among), None
     moments = moments_of(X, relative, kernels, W, kept)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
-    begin = None
     if len(k) > FEW_PAIRS:
         each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)
         looked_at = solved(moments, kernels, priors, (each, widest), problem.noise, LOOK)
         rough = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, looked_at)).log_evidence
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
-        begin = np.log(looked_at.variance[likeliest])
-        under_each = solved(moments, kernels, priors, (likeliest, each), problem.noise, begin=begin)
-        of_hypotheses = under_each.log_evidence
-        k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
-        begin = np.log(looked_at.variance[k] * under_each.variance[h] / looked_at.variance[likeliest[0]])
+        begin = np.log(looked_at.variance)
+        under = solved(moments, kernels, priors, (likeliest, each), problem.noise, begin=begin[likeliest])
+        k, h = np.nonzero(np.add.outer(rough - rough.max(), under.log_evidence - under.log_evidence.max()) > -NEAR)
+        begin = begin[k] + np.log(under.variance[h]) - begin[likeliest[0]]  # as if each added its own
     members = solved(moments, kernels, priors, (k, h), problem.noise, begin=begin)
     members = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, members))
     members = those_near(replace(members, kernel=among[k]))

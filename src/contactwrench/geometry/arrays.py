@@ -118,8 +118,6 @@ def frozen(values: Any) -> Any:
     """The same that nobody can change: read-only copies of arrays, tuples for lists, `ReadOnlyDict`s; else as it is."""
     if isinstance(values, np.ndarray):
         return _frozen(values, FLOAT64 if values.dtype.kind == "f" else values.dtype)
-    if values is None or isinstance(values, float | int | str):
-        return values
     if type(values) in (list, tuple):
         return tuple(map(frozen, values))
     if isinstance(values, Mapping):

@@ -80,7 +80,7 @@ def rows_of(label: NDArray[np.intp]) -> Sequence[slice | NDArray[np.intp]]:
 def mean_poses(samples: Samples, rows: Sequence[slice | NDArray[np.intp]]) -> tuple[Pose, ...]:
     """The mean readings of `rows`, each at one orientation, with the covariance of means of that length."""
     readings = [taken(samples.wrench, each) for each in rows]
-    means = [_mean_reading(wrench) for wrench in readings]
+    means = [wrench[0] + np.ones(len(wrench)) @ (wrench - wrench[0]) / len(wrench) for wrench in readings]
     rotations = [_mean_rotation(taken(samples.R_base_flange, each)) for each in rows]
     return tuple(
         Pose(rotation, mean, covariance, len(wrench), *_span(samples.t, each), None)
@@ -95,20 +95,12 @@ def taken(values: Array, rows: slice | NDArray[np.intp]) -> Array:
     return values[rows] if isinstance(rows, slice) else values.take(rows, axis=0)
 
 
-def _mean_reading(wrench: Array) -> Array:
-    first = np.asarray(wrench[0])
-    return first if len(wrench) == 1 else first + np.ones(len(wrench)) @ (wrench - first) / len(wrench)
-
-
 def _mean_rotation(R: Array) -> Array:
     return np.asarray(R[0]) if len(R) == 1 else procrustes((np.ones(len(R)) @ R.reshape(-1, 9)).reshape(3, 3))
 
 
 def _span(t: Array | None, rows: slice | NDArray[np.intp]) -> tuple[float | None, float | None]:
-    if t is None:
-        return None, None
-    own = t[rows]
-    return (float(own[0]),) * 2 if len(own) == 1 else (float(own.min()), float(own.max()))
+    return (None, None) if t is None else (float(t[rows].min()), float(t[rows].max()))
 
 
 def cells_of(R: Array, size: float) -> NDArray[np.int64]:
