@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..calibration.findings import BIAS_MOVED, Kind
 from ..geometry.arrays import Array
 from .bias_drift import Drift
-from .estimate import EXCLUDED, Beliefs, Rival
+from .estimate import EXCLUDED, IN_DOUBT, Beliefs, Rival
 from .problem import Problem
 from .tables import Table, each_with_place, explained
 
@@ -38,8 +38,10 @@ def beliefs_of(problem: Problem, tables: list[Table], weight: Array, off: Array,
     of_kind[Kind.ROBOT] = float(weight[turn > 0.0].sum())
 
     def likeliest(some: Set[Kind]) -> tuple[Drift | None, Array]:
-        """The likeliest drift of these kinds, and what each pose's bias was off by it, (n, 6)."""
+        """The likeliest drift of these kinds, if they may well be, and what each pose's bias was off by it, (n, 6)."""
         of_drift: dict[int, list[tuple[float, Drift, Table, int]]] = {}
+        if sum(of_kind.get(kind, 0.0) for kind in some) < IN_DOUBT:
+            return None, np.zeros_like(problem.wrench)
         for table, here in each_with_place(tables):
             for k in np.flatnonzero([kind in some for kind in table.kinds]).tolist():
                 drift = table.kernel_of(k)[0]

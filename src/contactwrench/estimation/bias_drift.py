@@ -7,6 +7,7 @@ motion has a prior probability, and the answer is the mean over all of them by e
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -80,7 +81,7 @@ class Drift:
     def strengths(self) -> Array:
         """How strong it may be, in units of the noise."""
         strengths = STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS_OF_MANY
-        return strengths[strengths >= self.least]
+        return strengths[strengths >= self.least] if self.least > 0.0 else strengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +118,17 @@ class Kernels:
             own[:, : columns.shape[1]] = columns
         return stack
 
+    def by_columns(self, kept: NDArray[np.bool_]) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp], Array]]:
+        """For each number of columns q: the kernels (k,) whose drift has so many, the place of its drift among those
+        that have, (k,), and the columns of these of the poses kept, (d, m, q).
+        """
+        columns = np.array([drift.columns.shape[1] for drift in self.drifts])[self.drift]
+        for q in np.unique(columns[columns > 0]).tolist():
+            kernel = np.flatnonzero(columns == q)
+            first = np.diff(self.drift[kernel], prepend=-1) != 0
+            of_drifts = np.array([self.drifts[drift].columns for drift in self.drift[kernel[first]].tolist()])
+            yield kernel, np.cumsum(first) - 1, of_drifts[:, kept]
+
     def log_plausible(
         self, kernel: NDArray[np.intp], strength: Array, noise: Array | float, weight: Array | float
     ) -> Array:
@@ -139,13 +151,13 @@ def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float
     if time is None:
         places = _places(n)[1:-1]
         odds = ODDS[Kind.BIAS_STEPPED] * ROWS_IN_ORDER / max(len(places), 1)
-        return [_step(n, int(k), LARGE) for k in places], [float(np.log(odds))] * len(places)
+        return _steps(n, places, LARGE), [float(np.log(odds))] * len(places)
     before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
     drifts = [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)) for tau in TIME_CONSTANTS]
     each = [float(np.log(ODDS[Kind.BIAS_DRIFTED] / len(drifts)))] * len(drifts)
     places = _places(n)
     drifts.append(Drift(Kind.BIAS_WANDERED, _wandering(before)))
-    drifts += [_step(n, int(k), 0.0) for k in places]
+    drifts += _steps(n, places, 0.0)
     each.append(float(np.log(ODDS[Kind.BIAS_WANDERED])))
     each += [float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places)))] * (len(places) - 1)
     each.append(float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places) * ONLY_THE_LAST)))
@@ -158,9 +170,9 @@ def kernels_of(n: int, drifts: list[Drift], log_prior: list[float]) -> Kernels:
     return steady.joined(drifts, log_prior)
 
 
-def _step(n: int, first_after: int, least: float) -> Drift:
-    before = (np.arange(n) < first_after)[:, None].astype(np.float64)
-    return Drift(Kind.BIAS_STEPPED, before, first_after, least)
+def _steps(n: int, places: Array, least: float) -> list[Drift]:
+    before = (np.arange(n) < places[:, None]).astype(np.float64)[..., None]
+    return [Drift(Kind.BIAS_STEPPED, own, k, least) for own, k in zip(before, places.tolist(), strict=True)]
 
 
 def _places(n: int) -> Array:
@@ -188,5 +200,5 @@ def _wandering(before: Array) -> Array:
     edges = np.unique(np.linspace(0, n - 1, min(n, MOST_POSES)).astype(int))
     length = before[edges[:-1]] - before[edges[1:]]
     after = np.arange(n)[:, None] <= edges[:-1]
-    U, s, _ = np.linalg.svd(after * np.sqrt(np.maximum(length, 0.0)), full_matrices=False)
-    return np.asarray(U[:, :SMOOTH] * s[:SMOOTH])
+    increments = after * np.sqrt(np.maximum(length, 0.0))
+    return np.asarray(increments @ np.linalg.eigh(increments.T @ increments).eigenvectors[:, : -SMOOTH - 1 : -1])

@@ -106,6 +106,11 @@ class Turns:
         return self.reads[self.kept]
 
     @cached_property
+    def mean_square(self) -> Array:
+        """Of what either turn of the poses kept reads, (6,)."""
+        return np.asarray(np.mean(self.reads_of_kept**2, axis=(0, 2)))
+
+    @cached_property
     def root(self) -> Array | None:
         """(2 m, 2 m), times its transpose how the turns of the poses kept are alike."""
         both = np.repeat(self.kept, 2)
@@ -136,12 +141,12 @@ class Turned:
     @property
     def shares(self) -> Array:
         """The variance of each axis (6,) by turns, of what the noise has."""
-        return np.asarray(self.sd**2 * np.mean(self.turns.reads_of_kept**2, axis=(0, 2)) / self.base.variance)
+        return np.asarray(self.sd**2 * self.turns.mean_square / self.base.variance)
 
     @property
     def beyond_first_order(self) -> Array:
         """Variance (6,) of what turns make of a reading beyond first order."""
-        return np.asarray(self.sd**4 * np.mean(self.turns.reads_of_kept**2, axis=(0, 2)) + 1e-300)
+        return np.asarray(self.sd**4 * self.turns.mean_square + 1e-300)
 
     @cached_property
     def noise(self) -> Array:

@@ -161,7 +161,7 @@ def largest_force_std(fit: Estimate) -> float:
     if isinstance(fit, RigidEstimate) and fit.gain_covariance is not None:
         A, of_axes = np.column_stack([r, np.ones(len(r))]), fit.gain_covariance.reshape(6, 4, 6, 4)
         variance += np.sum((A @ of_axes[range(3), :, range(3)].sum(axis=0)) * A, axis=1)
-    variance += np.sum((J @ fit.covariance) * J, axis=(1, 2))
+    variance += np.sum(np.tensordot(J, fit.covariance, 1) * J, axis=(1, 2))
     return float(np.sqrt(max(variance.max(), 0.0)))  # gains may lessen it in places
 
 

@@ -290,11 +290,11 @@ def two_weights(fit: RigidEstimate, R_base_flange: Array, force: Array, number: 
     ratio = 1.0 / max(1.0 - by_weights / max(float(np.sum(left**2)), 1e-300), 1e-12)
     by_chance = (n - 1.0) * np.log(2.0) - 0.5 * (3.0 * n - 13.0) * np.log(ratio / UNEQUAL)
     part = heavier if 2 * heavier.sum() <= n else ~heavier
+    sure = by_chance < np.log(SIGNIFICANCE) and by_weights > by_levels and part.sum() >= LEAST_OF_PART
+    if not sure or abs(share) <= CHANGED:
+        return []
     numbers, what = [str(1 + k) for k in number[part]], "pose" if n == fit.kept.sum() else "visit"
     more = f" and {counted(len(numbers) - MOST_NAMED, 'more ' + what)}" if len(numbers) > MOST_NAMED else ""
-    more_there = share if part is heavier else -share
-    by = f"{two_digits(abs(share) * fit.weight_scale)} N {'more' if more_there > 0.0 else 'less'}"
+    by = f"{two_digits(abs(share) * fit.weight_scale)} N {'more' if (share > 0.0) == (part is heavier) else 'less'}"
     text = f"the tool weighs {by} in {what} {', '.join(numbers[:MOST_NAMED])}{more} than in the others: "
-    text += "something was held or touched; calibrate the poses without it alone"
-    sure = by_chance < np.log(SIGNIFICANCE) and by_weights > by_levels and part.sum() >= LEAST_OF_PART
-    return those_that_hold([(bool(sure) and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text)])
+    return [WEAK(Kind.WEIGHT_CHANGED, f"{text}something was held or touched; calibrate the poses without it alone")]

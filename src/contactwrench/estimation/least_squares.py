@@ -62,19 +62,20 @@ def moments_of(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDAr
     rows = centred(X, variance)
     G = np.tile(W @ (rows.T @ rows) @ W.transpose(0, 2, 1), (len(kernels.drift), 1, 1, 1))
     determinant = np.full(len(G), float(np.sum(np.log(variance)) + np.log(np.sum(1.0 / variance))))
-    for drift in np.unique(kernels.drift[kernels.drift > 0]):
-        here, L = np.flatnonzero(kernels.drift == drift), centred(kernels.drifts[drift].columns[kept], variance)
-        length, vectors = np.linalg.eigh(L.T @ L)
+    for here, of_kernel, columns in kernels.by_columns(kept):
+        L = centred(columns, variance)
+        length, vectors = np.linalg.eigh(L.transpose(0, 2, 1) @ L)
+        Z = W @ (rows.T @ L @ vectors)[:, None]
         squared = kernels.strength[here, None] ** 2
-        Z = W @ (rows.T @ L @ vectors)
-        G[here] -= (Z * (squared / (1.0 + squared * length))[:, None, None, :]) @ Z.transpose(0, 2, 1)
-        determinant[here] += np.log1p(squared * length).sum(axis=1)
+        grown = squared * length[of_kernel]
+        G[here] -= (Z[of_kernel] * (squared / (1.0 + grown))[:, None, None]) @ Z.transpose(0, 1, 3, 2)[of_kernel]
+        determinant[here] += np.log1p(grown).sum(axis=1)
     return Moments(G, determinant, len(X))
 
 
 def centred(rows: Array, variance: Array) -> Array:
-    """Rows (n, c) over the roots of their variances (n,), a constant taken out."""
-    mean = (1.0 / variance) @ rows / np.sum(1.0 / variance)
+    """Rows (..., n, c) over the roots of their variances (n,), a constant taken out."""
+    mean = (1.0 / variance)[None] @ rows / np.sum(1.0 / variance)
     return np.asarray((rows - mean) / np.sqrt(variance)[:, None])
 
 
@@ -82,18 +83,19 @@ def log_odds(X: Array, variance: Array, kernels: Kernels, W: Array, kept: NDArra
     """Of each kernel (k,) with one column against the `steady` member, without priors of the axes, the noise of each as
     it is left beside the column; inf of the others. Rows X (m, 15) of the poses kept, W (6, p + 1, 15), as of moments.
     """
-    odds, columns = np.full(len(kernels.drift), np.inf), np.array([drift.columns.shape[1] for drift in kernels.drifts])
-    single = np.flatnonzero(columns[kernels.drift] == 1)
-    drifts, of_kernel = np.unique(kernels.drift[single], return_inverse=True)
-    h = centred(np.hstack([np.zeros((len(X), 0)), *(kernels.drifts[k].columns[kept] for k in drifts)]), variance)
-    along, noise, dof = (W @ (centred(X, variance).T @ h)).transpose(2, 0, 1), steady.variance[0], steady.dof[0]
-    pull, along = along @ np.append(-steady.step[0], 1.0), along[:, :, :-1]
-    length = np.sum(h**2, axis=0)[:, None] - np.sum((along @ steady.covariance[0]) * along, axis=2) / noise
-    squared = kernels.strength[single, None] ** 2
-    grown = squared * np.maximum(length, 0.0)[of_kernel]
-    taken = squared * (pull**2 / noise)[of_kernel] / (1.0 + grown) / np.maximum(dof, LEAST_DOF)
-    gain = -dof * np.log1p(-np.minimum(taken, MOST_TAKEN)) - np.log1p(grown)
-    odds[single] = kernels.log_prior[single] + 0.5 * gain.sum(axis=1)
+    odds, noise, dof = np.full(len(kernels.drift), np.inf), steady.variance[0], steady.dof[0]
+    for single, of_kernel, columns in kernels.by_columns(kept):
+        if columns.shape[2] > 1:
+            continue
+        h = centred(columns, variance)[:, :, 0]
+        along = (W @ (centred(X, variance).T @ h.T)).transpose(2, 0, 1)
+        pull, along = along @ np.append(-steady.step[0], 1.0), along[:, :, :-1]
+        length = np.sum(h**2, axis=1)[:, None] - np.sum((along @ steady.covariance[0]) * along, axis=2) / noise
+        squared = kernels.strength[single, None] ** 2
+        grown = squared * np.maximum(length, 0.0)[of_kernel]
+        taken = squared * (pull**2 / noise)[of_kernel] / (1.0 + grown) / np.maximum(dof, LEAST_DOF)
+        gain = -dof * np.log1p(-np.minimum(taken, MOST_TAKEN)) - np.log1p(grown)
+        odds[single] = kernels.log_prior[single] + 0.5 * gain.sum(axis=1)
     return odds
 
 
@@ -172,12 +174,13 @@ def solved(
     apart = priors.apart[hypothesis]
     log_variance = noise.first(at_tool / max(moments.n - 1.0, 1.0)) if begin is None else begin
     unit = np.ones((m, p + 1))  # of the parameters, which differ widely, each its std
-    unit[:, :p] = np.einsum("ma,mapp->mp", np.exp(-log_variance), own[..., :p, :p]) + np.einsum("mpp->mp", information)
+    flat = own.reshape(m, 6, -1)
+    of_readings = (np.exp(-log_variance)[:, None] @ flat[:, :, : -1 : p + 2])[:, 0]  # on the diagonals
+    unit[:, :p] = of_readings + np.einsum("mpp->mp", information)
     unit = 1.0 / np.sqrt(np.maximum(unit, 1e-60))
     own *= (unit[:, :, None] * unit[:, None, :])[:, None]
     scale = unit[:, :p, None] * unit[:, None, :p]
     scaled_information, scaled_pull = information * scale, pull * unit[:, :p]
-    flat = own.reshape(m, 6, -1)
     after, of_products = np.ones((m, p + 1)), np.zeros((m, 2, p + 1, p + 1))
     for k in range(passes):
         precision = np.exp(-log_variance)

@@ -117,14 +117,13 @@ def log_density_outlying(errors: Array, out: NDArray[np.bool_] | None = None) ->
     the same way.
     """
     out = np.ones(errors.shape[:-1], dtype=bool) if out is None else out
-    k, errors = out.sum(axis=-1), errors * out[..., None]
-    squared = np.sum(errors**2, axis=-1)
+    k, squared = out.sum(axis=-1), np.einsum("...na,...na->...n", errors, errors) * out
     of_each, each = -6.0 * np.log(WIDTHS) - 0.5 * np.multiply.outer(squared[out], WIDTHS**-2.0), np.zeros(out.shape)
     most = of_each.max(axis=-1)
     each[out] = most + np.log(np.exp(of_each - most[:, None]).sum(axis=-1))
     apart = each.sum(axis=-1) - (k - 1.0) * np.log(len(WIDTHS))
     of_all = -6.0 * np.multiply.outer(k, np.log(WIDTHS)) - 0.5 * np.multiply.outer(squared.sum(axis=-1), WIDTHS**-2.0)
-    total = errors.sum(axis=-2)
+    total = (out[..., None, :].astype(np.float64) @ errors)[..., 0, :]
     along, spread = np.sum(total**2, axis=-1) / np.maximum(k, 1), 1.0 + np.multiply.outer(k, WIDTHS**2)
     off = (squared.sum(axis=-1) - along)[..., None]
     alike = np.logaddexp.reduce(-0.5 * (off + along[..., None] / spread) - 3.0 * np.log(spread), axis=-1)
@@ -201,34 +200,40 @@ class _Trimmed:
     """Least squares on subsets of the poses, in stacks."""
 
     def __init__(self, J: Array, errors: Array, information: Array, pull: Array, h: int) -> None:
-        self.J, self.errors, self.information, self.pull, self.h = J, errors, information, pull, h
         n, _, q = J.shape
+        unit = 1.0 / np.sqrt(np.sum((J / (OF_GROUPS @ COMPARED)[:, None]) ** 2, axis=(0, 1)) + 1e-60)
+        J, self.errors, self.h, self.known = J * unit, errors, h, np.zeros((q + 1, q + 1))
+        self.known[:q, :q], self.known[:q, q] = information * unit * unit[:, None], pull * unit
+        self.flat = J.reshape(6 * n, q).T
         each = min(n // 2, EACH)
         self.numbers = np.unique(np.r_[: each + 1, np.geomspace(each, n // 2, FURTHER).astype(np.intp)])  # left out
         columns = np.concatenate([J, errors[..., None]], axis=2)
         groups = columns.reshape(n, 2, 3, q + 1)
         squared = np.sum((errors / (OF_GROUPS @ COMPARED)) ** 2, axis=1)
-        self.rough = max(float(np.median(squared)) / 6.0, 1e-20)
+        self.rough = COMPARED**2 * max(float(np.median(squared)) / 6.0, 1e-20)
         self.products = np.einsum("ngap,ngaq->gnpq", groups, groups).reshape(2, n, -1)
+        self.at_first = np.tensordot(1.0 / self.rough, self.products, 1)
 
     def fit(self, kept: NDArray[np.bool_], passes: int = VARIANCE_PASSES) -> _Fits:
         """The fits to the poses kept (k, n), forces and torques with variances of their own."""
         k, n = kept.shape
-        q, share = self.J.shape[2], kept.astype(np.float64)
-        products = (share @ self.products).reshape(2, k, q + 1, q + 1)
-        variance = COMPARED[:, None] ** 2 * self.rough * np.ones((2, k))
+        q, share = len(self.flat), kept.astype(np.float64)
+        total = (share @ self.at_first).reshape(k, q + 1, q + 1)
+        products = (share @ self.products if passes > 1 else self.products[:, :0]).reshape(2, -1, q + 1, q + 1)
         count = kept.sum(axis=1)
         freedom = np.maximum(3.0 * count - 0.5 * q, 0.25 * count)
-        for _ in range(passes):
-            total = np.einsum("gkpq,gk->kpq", products, 1.0 / variance)
-            normal = total[:, :q, :q] + self.information
-            unit = np.sqrt(np.einsum("kpp->kp", normal)) + 1e-100
-            scaled = normal / (unit[:, :, None] * unit[:, None, :]) + 1e-10 * np.eye(q)
-            step = np.linalg.solve(scaled, ((total[:, :q, q] + self.pull) / unit)[..., None])[..., 0] / unit
-            left = self.errors - (step @ self.J.reshape(6 * n, q).T).reshape(k, n, 6)
+        for left_to_do in range(passes)[::-1]:
+            total += self.known
+            normal = total[:, :q, :q]
+            diagonal = np.einsum("kpp->kp", normal)
+            diagonal += 1e-10 * diagonal + 1e-60
+            step = np.linalg.solve(normal, total[:, :q, q:])[..., 0]
+            left = self.errors - (step @ self.flat).reshape(k, n, 6)
             squares = left**2 @ OF_GROUPS
             variance = np.maximum((share[:, None, :] @ squares)[:, 0].T / freedom, 1e-24)
-        return _Fits((squares @ (1.0 / variance).T[:, :, None])[:, :, 0], left, variance, scaled, unit)
+            if left_to_do:
+                total = np.einsum("gkpq,gk->kpq", products, 1.0 / variance)
+        return _Fits((squares @ (1.0 / variance).T[:, :, None])[:, :, 0], left, variance, normal)
 
     def concentrated(self, kept: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
         """Each set replaced by the `h` poses nearest to its own fit, so many times."""
@@ -262,7 +267,7 @@ class _Trimmed:
         masks = (place[:, None] >= k[:, None]).reshape(-1, n)
         fits, k, log_priors = self.fit(masks), np.tile(k, m), np.tile(log_priors, m)
         log_variance = np.log(fits.variance)
-        log_det = np.linalg.slogdet(fits.scaled)[1] + 2.0 * np.log(fits.unit).sum(axis=1)
+        log_det = np.linalg.slogdet(fits.normal)[1]  # but for what all have in common
         z = fits.left / np.sqrt(np.repeat(fits.variance, 3, axis=0).T[:, None])
         density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0) + log_priors
         density -= 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
@@ -274,11 +279,11 @@ class _Trimmed:
 @dataclass(frozen=True, eq=False)
 class _Fits:
     """Of a stack of fits: squared distances (k, n) of all poses in units of what is left in those kept, errors `left`
-    (k, n, 6), `variance` (2, k) of forces and of torques, and the information (k, q, q), `scaled` by `unit` (k, q).
+    (k, n, 6), `variance` (2, k) of forces and of torques, and the `normal` matrices (k, q, q) of parameters in units
+    that are the same for all.
     """
 
     distance: Array
     left: Array
     variance: Array
-    scaled: Array
-    unit: Array
+    normal: Array

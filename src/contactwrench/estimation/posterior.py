@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 from itertools import compress
 
 import numpy as np
@@ -68,18 +69,18 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
         if (again == clean).all():
             break
         clean = again
-    near = near_kernels(list(tables.values()))
+    near, nearby = near_kernels(list(tables.values())), cache(partial(_flips, problem))
     starts = 2 if len(everything) <= MANY else 1
     for start in sorted(tables.values(), key=lambda table: -table.log_evidence)[:starts]:
         now = start
         for _ in range(len(everything)):
-            flips = [tried(kept, now, near) for kept in _flips(problem, now)]
+            flips = [tried(kept, now, near) for kept in nearby(now)]
             better = max(flips, key=lambda table: table.log_evidence, default=now)
             if better.log_evidence <= now.log_evidence:
                 break
             tables[better.kept.tobytes()] = now = _looked_at_anew(problem, better, near)
             near = np.union1d(near, near_kernels([now]))
-    tables |= _leveled(problem, tables, on_a_level, lambda kept, start: tried(kept, start, near))
+    tables |= _leveled(problem, tables, on_a_level, lambda kept, start: tried(kept, start, near), nearby)
     first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
     own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
@@ -91,6 +92,7 @@ def _leveled(
     tables: dict[bytes, Table],
     on_a_level: NDArray[np.bool_],
     tried: Callable[[NDArray[np.bool_], Table], Table],
+    nearby: Callable[[Table], list[NDArray[np.bool_]]],
 ) -> dict[bytes, Table]:
     """Tables by the poses that they keep, in which some of these may be `on_a_level` of their own or on a side of what
     was found: that of all poses; and, where the order of poses tells levels from a drift, for which they would pass,
@@ -108,7 +110,7 @@ def _leveled(
     while anew:
         leveled |= {table.kept.tobytes(): _with_levels(problem, table, proposed) for table in anew}
         now = max(leveled.values(), key=lambda table: table.log_evidence)
-        beside = _flips(problem, now) if ordered else []
+        beside = nearby(now) if ordered else []
         anew = [tried(kept, tables[now.kept.tobytes()]) for kept in beside if kept.tobytes() not in leveled]
     return leveled
 
@@ -118,7 +120,7 @@ def _looked_at_anew(problem: Problem, table: Table, near: NDArray[np.intp]) -> T
     left out now, had hidden them.
     """
     hidden = np.setdiff1d(seen(problem, table.kept, None), near)
-    odds = odds_at_a_glance(problem, table.tool, table.kept, table.hypotheses, hidden)
+    odds = odds_at_a_glance(problem, table.tool, table.kept, table.priors, hidden, table.members)
     shown = hidden[(odds > 0.0) & np.isfinite(odds)]
     return with_kernels(problem, table, shown) if len(shown) else table
 
@@ -134,7 +136,8 @@ def _with_levels(problem: Problem, table: Table, proposed: list[NDArray[np.bool_
     possible = np.isfinite(log_prior)
     kernels = problem.kernels.joined(list(compress(levels, possible)), list(compress(log_prior, possible)))
     problem, look = replace(problem, kernels=kernels), np.arange(before, len(kernels.drift))
-    shown = look[odds_at_a_glance(problem, table.tool, table.kept, table.hypotheses, look) > -NEAR_AT_A_GLANCE]
+    odds = odds_at_a_glance(problem, table.tool, table.kept, table.priors, look, table.members)
+    shown = look[odds > -NEAR_AT_A_GLANCE]
     return with_kernels(problem, table, shown) if len(shown) else table
 
 

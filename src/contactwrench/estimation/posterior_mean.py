@@ -191,7 +191,8 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
     means = of_one @ told.reshape(len(relative), -1) / total[:, None]
     mean[untouched] = means.reshape(-1, *mean.shape[1:])[of_member]
     own[untouched[:, None], range(6), range(6)] = m.variance[untouched] / total[of_member, None]
-    for kernel, robot in sorted(set(zip(m.kernel.tolist(), m.robot.tolist(), strict=True))):
+    turned = np.flatnonzero(m.robot >= 0)
+    for kernel, robot in sorted(set(zip(m.kernel[turned].tolist(), m.robot[turned].tolist(), strict=True))):
         alike = np.flatnonzero((m.kernel == kernel) & (m.robot == robot))
         if isinstance(V := covariance_of_errors(problem, table, int(alike[0])), Turned):
             told[:, :, -1] = problem.errors(table.tool, V.sd)[kept]

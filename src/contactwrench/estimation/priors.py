@@ -7,6 +7,7 @@ squares: what is known, less what a tool says, in standard deviations.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -167,15 +168,15 @@ def _turn_of_gravity(before: Array, after: Array) -> tuple[Array, Array]:
     with respect to a turn of that other about its own axes. An angle, unlike its sine, tells down from up.
     """
     (a, b), (after_a, after_b) = horizontal_axes(before), horizontal_axes(after)
-    across, moves = np.stack([-b, a]), np.stack([-after_b, after_a], axis=1)
+    across, moves = np.array([-b, a]), np.array([-after_b, after_a]).T
     sine, cosine = across @ after, float(before @ after)
-    length = float(np.linalg.norm(sine))
+    length = math.hypot(*sine.tolist())
     per_sine, bend = 1.0, 1.0 / 3.0  # the angle over its sine, and how that falls with the cosine
     if length >= ON_THE_SPOT or cosine <= 0.0:
         length = max(length, ON_THE_SPOT)
-        angle = float(np.arctan2(length, cosine))
+        angle = math.atan2(length, cosine)
         per_sine, bend = angle / length, (length - angle * cosine) / length**3
-    return per_sine * sine, per_sine * across @ moves - bend * np.outer(sine, before @ moves)
+    return per_sine * sine, per_sine * across @ moves - bend * sine[:, None] * (before @ moves)
 
 
 def _log_derivative(vector: Array) -> Array:

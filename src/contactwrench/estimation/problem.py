@@ -77,7 +77,8 @@ class Problem:
             tilts = np.array([[0.0 if sd is None else sd**-2.0 for sd in (it.mount, it.base)] for it in hypotheses])
             precision[:, -7:-4] = 1.0 / (COM_SD**2 + float(tool.com @ tool.com))
             precision[:, -4:] = np.repeat(tilts, 2, axis=1)
-            of_volume += np.multiply.outer(tilts[:, 0] == 0.0, J[-4:-2].T @ J[-4:-2])
-            of_volume[:, [-2, -1], [-2, -1]] += tilts[:, 1:] == 0.0
+            if not tilts.all():
+                of_volume += np.multiply.outer(tilts[:, 0] == 0.0, J[-4:-2].T @ J[-4:-2])
+                of_volume[:, [-2, -1], [-2, -1]] += tilts[:, 1:] == 0.0
         log_prior, apart = np.array([(it.log_prior, it.apart) for it in hypotheses]).T
         return Priors(known, precision, of_volume, log_prior, apart)

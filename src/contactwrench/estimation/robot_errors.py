@@ -65,24 +65,20 @@ def turns_of_robot(n: int, in_order: bool) -> tuple[Array | None, ...]:
 def turns_across_gravity(tool: RigidTool, R_base_flange: Array, alike: Array | None, kept: NDArray[np.bool_]) -> Turns:
     """Of poses (n,) whose turns about the flange's axes are `alike` (n, n) from pose to pose, None: not at all."""
     r = gravity_in_flange(R_base_flange, tool.gravity_direction)
-    one = np.cross(r, np.eye(3)[np.argmin(np.abs(r), axis=1)])
-    one /= np.linalg.norm(one, axis=1, keepdims=True)
-    about = np.stack([one, np.cross(r, one)], axis=2)
+    across = cross_matrix(r)
+    one = across[range(len(r)), :, np.argmin(np.abs(r), axis=1), None]
+    one = one / np.linalg.norm(one, axis=1, keepdims=True)
+    about = np.concatenate([one, across @ one], axis=2)
     if alike is not None:
         flat = about.transpose(1, 0, 2).reshape(3, -1)
         alike = np.repeat(np.repeat(alike, 2, axis=0), 2, axis=1) * (flat.T @ flat)
-    return Turns(_reading(tool, r) @ about, alike, kept)
+    return Turns(wrench_matrix(tool)[:, :3] @ across @ about, alike, kept)
 
 
 def variance_of_turns(tool: RigidTool, R_base_flange: Array) -> Array:
     """Of readings (6,) at these orientations, turned by 1 rad about each axis, on average."""
-    turned = _reading(tool, gravity_in_flange(R_base_flange, tool.gravity_direction))
+    turned = wrench_matrix(tool)[:, :3] @ cross_matrix(gravity_in_flange(R_base_flange, tool.gravity_direction))
     return np.asarray(np.mean(np.sum(turned**2, axis=2), axis=0))
-
-
-def _reading(tool: RigidTool, r: Array) -> Array:
-    """What a small turn about the flange's axes reads, (n, 6, 3), with gravity along `r` (n, 3) in the flange."""
-    return wrench_matrix(tool)[:, :3] @ cross_matrix(r)
 
 
 def likely_with(
@@ -169,7 +165,7 @@ def _with_share(linear: Linear, base: AlikeOnAxes, turns: Turns, share: float) -
     """Turns that have the `share` (`Turned.shares`) of the noise of forces or torques, where it is the larger, the
     variances of the base being about that of noise and turns; a drift is as large as it was.
     """
-    load = np.mean(turns.reads_of_kept**2, axis=(0, 2)) + 1e-300
+    load = turns.mean_square + 1e-300
     of_axis = share * load / base.variance / of_larger(load / base.variance)
     noise = base.variance / (1.0 + 2.0 * of_axis)
     V = Turned(base, turns, float(np.sqrt(share / of_larger(load / noise))))
@@ -198,16 +194,14 @@ def _likely_beside(linear: Linear, alone: Optimum, kernels: Kernels, among: NDAr
     base = alone.V.base
     odds = kernels.log_plausible(among, kernels.strength[among], base.of_forces, linear.weight)
     odds = odds + kernels.log_prior[among]
-    columns, score = np.array([drift.columns.shape[1] for drift in kernels.drifts])[kernels.drift[among]], odds
-    for q in np.unique(columns).tolist():
-        here = np.flatnonzero(columns == q)
-        drifts, of_kernel = np.unique(kernels.drift[among[here]], return_inverse=True)
-        L = np.stack([kernels.drifts[drift].columns[base.kept].T for drift in drifts])  # (d, q, m)
+    score, looked_at = odds, kernels.select(among)
+    for here, of_kernel, columns in looked_at.by_columns(base.kept):
+        L = columns.transpose(0, 2, 1)  # (d, q, m)
         weighted = along_axes(alone, L.reshape(-1, L.shape[2]).T).reshape(6, -1, *L.shape[:2]).transpose(2, 0, 1, 3)
         value, vectors = np.linalg.eigh(L[:, None] @ weighted * base.variance[:, None, None])
         pulls = (L @ alone.left).transpose(0, 2, 1)
         pulled = (pulls[:, :, None] @ vectors)[:, :, 0] ** 2
-        squared = kernels.strength[among[here], None, None] ** 2
+        squared = looked_at.strength[here, None, None] ** 2
         grown = squared * np.maximum(value, 0.0)[of_kernel]
         score[here] += 0.5 * np.sum(squared * pulled[of_kernel] / (1.0 + grown) - np.log1p(grown), axis=(1, 2))
     order = np.argsort(-score)

@@ -39,9 +39,9 @@ def settled(
     far from where the readings point, they would take up what is no error of it; they begin where a table `nearby` has
     them.
     """
-    table = untouched(problem, tool, kept, hypotheses, seen(problem, kept, among))
-    table = _centred(replace(problem, robot=()), table, among)
-    turned = with_turns(problem, table, seen(problem, kept, among), nearby)
+    look = seen(problem, kept, among)
+    table = _centred(replace(problem, robot=()), untouched(problem, tool, kept, hypotheses, look), among)
+    turned = with_turns(problem, table, look, nearby)
     return weighed(problem, _centred(problem, turned, among) if (turned.members.robot >= 0).any() else table)
 
 

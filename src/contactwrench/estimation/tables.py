@@ -109,10 +109,11 @@ def untouched(
     """The members in which the robot's orientation is right: every kernel that shows under the widest hypothesis, every
     hypothesis under the likeliest kernel, the former roughly, and then the pairs that come near the best.
     """
+    priors = problem.priors_at(tool, hypotheses)
     if len(among) > FEW_PAIRS:
-        among = among[odds_at_a_glance(problem, tool, kept, hypotheses, among) > -NEAR_AT_A_GLANCE]
+        among = among[odds_at_a_glance(problem, tool, kept, priors, among) > -NEAR_AT_A_GLANCE]
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
-    priors, kernels = problem.priors_at(tool, hypotheses), problem.kernels.select(among)
+    kernels, begin = problem.kernels.select(among), None
     moments = moments_of(X, relative, kernels, W, kept)
     k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
     if len(k) > FEW_PAIRS:
@@ -120,9 +121,11 @@ def untouched(
         looked_at = solved(moments, kernels, priors, (each, widest), problem.noise, LOOK)
         rough = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, looked_at)).log_evidence
         likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
-        of_hypotheses = solved(moments, kernels, priors, (likeliest, each), problem.noise).log_evidence
-        k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
-    members = solved(moments, kernels, priors, (k, h), problem.noise)
+        begin = np.log(looked_at.variance)
+        under = solved(moments, kernels, priors, (likeliest, each), problem.noise, begin=begin[likeliest])
+        k, h = np.nonzero(np.add.outer(rough - rough.max(), under.log_evidence - under.log_evidence.max()) > -NEAR)
+        begin = begin[k] + np.log(under.variance[h]) - begin[likeliest[0]]  # as if each added its own
+    members = solved(moments, kernels, priors, (k, h), problem.noise, begin=begin)
     members = _sized(problem, Table(tool, priors, hypotheses, kept, kernels, members))
     members = those_near(replace(members, kernel=among[k]))
     return Table(tool, priors, hypotheses, kept, problem.kernels, members)
@@ -132,17 +135,20 @@ def odds_at_a_glance(
     problem: Problem,
     tool: RigidTool,
     kept: NDArray[np.bool_],
-    hypotheses: tuple[Hypothesis, ...],
+    priors: Priors,
     among: NDArray[np.intp],
+    found: Members | None = None,
 ) -> Array:
-    """Logarithm of the odds of kernels `among` which to look, against a steady bias, under the widest hypothesis; inf
-    where a glance cannot tell.
+    """Logarithm of the odds of kernels `among` which to look, against a steady bias, the likeliest that was `found` or
+    the one under the widest hypothesis; inf where a glance cannot tell.
     """
     X, relative, W = _rows(problem, tool, kept), problem.relative[kept], columns_of_axes(tool, problem.names)
-    first = np.zeros(1, dtype=np.intp)
-    steady, priors = problem.kernels.select(first), problem.priors_at(tool, hypotheses[-1:])
-    moments = moments_of(X, relative, steady, W, kept)
-    alone = solved(moments, steady, priors, (first, first), problem.noise, LOOK)
+    steady = None if found is None else found.select((found.kernel == 0) & (found.robot < 0))
+    if steady is None or not len(steady.kernel):
+        first, widest = np.zeros(1, dtype=np.intp), np.array([len(priors.apart) - 1])
+        moments = moments_of(X, relative, problem.kernels.select(first), W, kept)
+        steady = solved(moments, problem.kernels.select(first), priors, (first, widest), problem.noise, LOOK)
+    alone = steady.select(np.argsort(-steady.log_evidence)[:1])
     return log_odds(X, relative, problem.kernels.select(among), W, kept, alone)
 
 

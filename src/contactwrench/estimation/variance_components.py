@@ -47,6 +47,11 @@ class Linear:
     priors: Priors
     noise: NoiseModel
 
+    @cached_property
+    def told(self) -> Array:
+        """The `columns` (q, p) of all parameters, as rows of the identity."""
+        return np.eye(self.J.shape[2])[self.columns]
+
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
@@ -112,17 +117,14 @@ def look_at(linear: Linear, V: Turned, usual_share: float | None = None) -> Opti
     """The parameters under V, and the widest hypothesis; the `usual_share` of the weight that its drift has, None: any
     size is as likely.
     """
-    hypothesis = np.flatnonzero(linear.priors.apart == ALIKE)[-1]
     m, _, p = linear.J.shape
     both = np.concatenate([linear.J, linear.errors[..., None]], axis=2) / V.noise[:, None]
     both[:, :, p] += V.sd**2 * linear.weight * both[:, :, 0]
     weighted = V.whitened(both)
     total = both.reshape(6 * m, -1).T @ weighted.reshape(6 * m, -1)
-    information, pull = total[:p, :p].copy(), total[:p, p].copy()
-    information[np.ix_(linear.columns, linear.columns)] += linear.priors.information[hypothesis]
-    pull[linear.columns] += linear.priors.pull[hypothesis]
-    covariance = inverse_of(information)
-    left, of_J = weighted @ np.append(-covariance @ pull, 1.0), weighted[:, :, :p]
+    told, priors, h = linear.told, linear.priors, np.flatnonzero(linear.priors.apart == ALIKE)[-1]
+    covariance = inverse_of(total[:p, :p] + told.T @ priors.information[h] @ told)
+    left, of_J = weighted @ np.append(-covariance @ (total[:p, p] + priors.pull[h] @ told), 1.0), weighted[:, :, :p]
     dof = np.zeros(8)
     along = (V.base.drift.T @ of_J.reshape(m, -1)).reshape(-1, 6, p)
     of_drift = V.dof_of_drift - ((along @ covariance) * along).sum(axis=(0, 2))
@@ -204,21 +206,19 @@ def members_of(
     """
     V, p, priors, (chi2, dof) = optimum.V, linear.J.shape[2], linear.priors, optimum.of_axes
     h = np.flatnonzero(priors.apart == ALIKE)
-    m, place = len(h), np.ix_(range(len(h)), linear.columns, linear.columns)
-    information, pull = np.tile(optimum.total[:p, :p], (m, 1, 1)), np.tile(optimum.total[:p, p], (m, 1))
-    information[place] += priors.information[h]
-    pull[:, linear.columns] += priors.pull[h]
+    m, told = len(h), linear.told
+    information = optimum.total[:p, :p] + told.T @ priors.information[h] @ told
+    pull = optimum.total[:p, p] + priors.pull[h] @ told
     covariance = inverse_of(information)
     step = (covariance @ pull[..., None])[..., 0]
     misfit = optimum.total[p, p] - np.einsum("hp,hp->h", step, pull) + priors.precision[h] @ priors.known.residuals**2
-    information[place] += priors.of_volume[h]
-    log_det = np.linalg.slogdet(information)[1]
+    log_det = np.linalg.slogdet(information + told.T @ priors.of_volume[h] @ told)[1]
     log_evidence = 0.5 * (_log_volume(linear, optimum, strengths) - V.log_determinant - log_det - misfit)
     return Members(
         np.full(m, kernel, dtype=np.intp),
         h,
-        step[:, linear.columns],
-        covariance[place],
+        step @ told.T,
+        told @ covariance @ told.T,
         np.tile(V.base.variance, (m, 1)),
         np.tile(dof, (m, 1)),
         log_evidence + log_prior + priors.log_prior[h],

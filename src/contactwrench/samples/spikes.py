@@ -24,12 +24,15 @@ def spikes(samples: Samples) -> NDArray[np.bool_]:
     wrench, R, t, spiked = samples.wrench, samples.R_base_flange, samples.t, np.zeros(len(samples), dtype=bool)
     if t is None or len(wrench) <= LONGEST_CHANCE:
         return spiked
+    close = (np.diff(t) > 0.0) & (np.diff(t) <= SLOWEST)
+    if not (close[1:] & close[:-1]).any():
+        return spiked
     least = _least_jump(wrench)
     k = np.concatenate([_beyond(wrench, least, first) for first in range(1, len(wrench) - 1, IN_CACHE)])
     jump, apart = _jumps(wrench[k - 1], wrench[k], wrench[k + 1]), np.abs(wrench[k + 1] - wrench[k - 1])
     spiked[k] = np.any((jump > least) & (apart < AGREE * jump), axis=1)
-    for step, turn in ((t[i + 1] - t[i], np.abs(R[i + 1] - R[i]).max(axis=(1, 2))) for i in (k - 1, k)):
-        spiked[k] &= (step > 0.0) & (step <= SLOWEST) & (turn < STAYS)
+    for i in (k - 1, k):
+        spiked[k] &= close[i] & (np.abs(R[i + 1] - R[i]).max(axis=(1, 2)) < STAYS)
     return spiked
 
 

@@ -80,6 +80,9 @@ def covariances_of_means(readings: Sequence[Array]) -> list[Array]:
     covariances, parts, longer = [], [], []
     for k, wrench in enumerate(readings):
         n = len(wrench)
+        if n == 1:
+            covariances.append(np.zeros((6, 6)))
+            continue
         off = wrench - wrench[0]  # so that rows which repeat exactly have a scatter of exactly zero
         mean = np.ones(n) @ off / n
         covariances.append((off.T @ off - n * np.outer(mean, mean)) / (n * max(n - 1.0, 1.0)))
