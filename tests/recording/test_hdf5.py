@@ -108,7 +108,9 @@ def test_poses_of_a_franka_are_known_by_their_name(tmp_path: Path) -> None:
 
 
 def test_a_long_name_keeps_its_end_which_tells_it_from_others(tmp_path: Path) -> None:
-    path = stored(tmp_path, {"observation/robot_state/force_torque": Motion.wrench, "quat_xyzw": QUAT, "time": Motion.t})
+    path = stored(
+        tmp_path, {"observation/robot_state/force_torque": Motion.wrench, "quat_xyzw": QUAT, "time": Motion.t}
+    )
     short = "observation/robot_st…e/force_torque"
     assert f'fx..fz from "{short}[0:3]", tx..tz from "{short}[3:6]"' in cw.read(path).notes[0]
 
