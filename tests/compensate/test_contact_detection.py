@@ -292,6 +292,23 @@ def test_no_new_zero_while_moving_scattering_or_with_too_few_samples() -> None:
     compensator.zero(cw.Samples(good, R))
 
 
+@pytest.mark.parametrize(("rows", "push", "refused"), [(slice(60, 61), 0.0, False), (slice(200, 400), 1.0, True)])
+def test_a_coarse_and_quiet_sensor_between_two_steps_gets_a_new_zero(rows: slice, push: float, refused: bool) -> None:
+    """Steps of 0.2 N, noise of 0.03 N: a load halfway between two of them, and on one but for a single row."""
+    calibration, rig, rng = calibrated(8)
+    R = still(rng, 400)
+    coarse = 0.2 * np.round(free(rig, R, rng) / 0.2)
+    coarse[:] = coarse[0]
+    coarse[:, 0] += 0.2 * (rng.random(400) < 0.5)
+    coarse[rows, 1] += 0.2 + push
+    compensator = _usual(calibration)
+    if not refused:
+        assert np.isfinite(compensator.zero(cw.Samples(coarse, R)).shift).all()
+        return
+    with pytest.raises(InputError, match="no new zero: fy moves by "):
+        compensator.zero(cw.Samples(coarse, R))
+
+
 def test_a_contact_that_grows_slowly_is_learned_as_drift_and_one_that_comes_quickly_is_not() -> None:
     """What the page says that cannot be told."""
     calibration, rig, rng = calibrated(8)

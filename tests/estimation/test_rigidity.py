@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 import contactwrench as cw
 from contactwrench.calibration.findings import Kind, Severity
 from contactwrench.errors import InputError
+from contactwrench.estimation.findings_of_motion import of_rate
 from contactwrench.estimation.in_motion import as_stamped, with_motion
 from contactwrench.estimation.rigidity import positions_read
 from contactwrench.samples.flange_motion import flange_motion
@@ -123,6 +124,8 @@ def test_poses_too_slow_for_the_motion_are_in_doubt_and_a_hundred_a_second_are_n
     assert slow[Kind.SLOW_POSES].startswith("doubtful: poses came at 10 Hz, and the arm moved at up to ")
     assert slow[Kind.SLOW_POSES].endswith(" Hz or faster, or move more slowly")
     assert doubts(arm().samples(100.0)) == {}
+    (just,) = of_rate(arm().samples(25.0), usual=3.15)  # needs 25.2 Hz
+    assert just.text.endswith(" record them at 26 Hz or faster, or move more slowly")
 
 
 def test_what_swings_on_the_tool_is_in_doubt() -> None:

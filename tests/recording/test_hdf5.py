@@ -79,7 +79,7 @@ def refusal(path: Path, **flags: Any) -> str:
         ("T", "auto", True),
         ("T_flat", "auto", True),
         ("T_by_columns", "auto", True),
-        ("T_by_columns", "franka_matrix", False),
+        ("T_by_columns", "franka_matrix", True),
     ],
 )
 def test_wrench_pose_and_time_are_read_where_the_flag_says(
@@ -101,7 +101,18 @@ def test_poses_of_a_franka_are_known_by_their_name(tmp_path: Path) -> None:
     path = stored(tmp_path, {"ft/wrench": Motion.wrench, "panda/robot_state/O_T_EE": poses, "time": Motion.t})
     assert "no orientation columns" in refusal(path)  # whose panda?
     path = stored(tmp_path, {"ft/wrench": Motion.wrench, "robot_state/O_T_EE": poses, "time": Motion.t})
-    assert cw.read(path).R_base_flange == pytest.approx(Motion.R, abs=1e-12)
+    found = cw.read(path)
+    assert found.R_base_flange == pytest.approx(Motion.R, abs=1e-12)
+    assert found.position is not None
+    assert np.array_equal(found.position, Motion.position)
+
+
+def test_a_long_name_keeps_its_end_which_tells_it_from_others(tmp_path: Path) -> None:
+    path = stored(
+        tmp_path, {"observation/robot_state/force_torque": Motion.wrench, "quat_xyzw": QUAT, "time": Motion.t}
+    )
+    short = "observation/robot_st…e/force_torque"
+    assert f'fx..fz from "{short}[0:3]", tx..tz from "{short}[3:6]"' in cw.read(path).notes[0]
 
 
 @pytest.mark.parametrize(("dataset", "said"), [("T", "franka_matrix:robot/T[0:16]"), ("R", "matrix:robot/R[0:9]")])

@@ -237,7 +237,9 @@ def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise | N
         )
     left = calibration.compensate(samples.wrench, R)
     noise = noise or stated_noise(left)
-    scatter = left.std(axis=0, ddof=1) / np.sqrt(noise.of_sample)
+    # A coarse and quiet reading stands at most loads, and at some goes to and fro between two steps: that is rest, too.
+    own = np.array([len(np.unique(axis)) == 2 for axis in samples.wrench.T]) * left.var(axis=0, ddof=1)
+    scatter = np.sqrt((left.var(axis=0, ddof=1) - own) / noise.of_sample)
     most = MOST_SCATTER * (1.0 + 2.0 / np.sqrt(n))
     if scatter.max() > most:
         axis = int(np.argmax(scatter))
@@ -246,7 +248,7 @@ def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise | N
             "keep everything away from the tool, and the arm still"
         )
     half = n // 2
-    std = np.sqrt(2.0 * noise.allan_of(np.array([half]))[0])
+    std = np.sqrt(2.0 * (noise.allan_of(np.array([half]))[0] + own / half))
     moved = np.abs(left[:half].mean(axis=0) - left[half:].mean(axis=0)) / std
     if moved.max() > MOST_MOVED:
         axis = int(np.argmax(moved))

@@ -5,6 +5,7 @@ positions or a tool that are not what they were taken for.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import ceil
 
 import numpy as np
 
@@ -169,7 +170,8 @@ def of_rate(samples: Samples, usual: float) -> Iterator[Finding]:
     if rate < ENOUGH_POSES * usual:
         text = (
             f"{what} came at {rate:.3g} Hz, and the arm moved at up to {usual:.2g} Hz: what lies between is guessed, "
-            f"online a start is in no std: record them at {ENOUGH_POSES * usual:.2g} Hz or faster, or move more slowly"
+            f"online a start is in no std: record them at {ceil(ENOUGH_POSES * usual)} Hz or faster, or move more "
+            "slowly"
         )
         yield Finding.doubtful(Kind.SLOW_POSES, text)
 

@@ -276,5 +276,6 @@ def listed(places: Iterable[str]) -> str:
 
 
 def shown(name: str, length: int = 40) -> str:
-    """A column's name as a message can show it: short, and without control characters."""
-    return "".join(letter if letter.isprintable() else "?" for letter in name[:length])
+    """A column's name as a message can show it: short, begin and end of it, and without control characters."""
+    short = name if len(name) <= length else f"{name[: length // 2]}…{name[1 - length // 2 :]}"
+    return "".join(letter if letter.isprintable() else "?" for letter in short)

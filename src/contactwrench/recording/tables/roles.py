@@ -65,12 +65,14 @@ def roles_beside(
     t = time_columns(table, naming, taken)
     load = _load_column(header) if wrench else None
     saturated = header.usual(SATURATED) if wrench else None
+    position = position_columns(table, naming, taken) if chosen else ()
+    of_pose = tuple(angles[12:15]) if chosen and chosen.name == "franka_matrix" else ()  # 4 x 4, column by column
     roles = ColumnRoles(
         wrench=tuple(wrench),
         convention=chosen,
         orientation=tuple(angles),
         t=t,
-        position=position_columns(table, naming, taken) if chosen else (),
+        position=position or of_pose,
         load=() if load is None or load.place in taken else (load,),
         saturated=() if saturated is None else (header.column(saturated, SATURATED),),
     )
