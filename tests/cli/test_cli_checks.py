@@ -146,7 +146,7 @@ def test_of_tools_that_share_a_mounting_the_one_that_was_remounted_is_named(tmp_
         R, tool = random_rotations(10, rng), replace(rig, weight=20.0, R_flange_sensor=mount)
         file.write_text(Written(QUAT, quat).text(R, noisy_readings(tool, R, NOISE, rng)))
     out = tmp_path / "out"
-    shared: tuple[str | Path, ...] = ("calibrate", *files, "--shared", "mount,gravity", "-o", out)
+    shared: tuple[str | Path, ...] = ("calibrate", *files, "--shared", "mount,gravity", "--model", "mount+base", "-o", out)
     named = REMOUNTED.format(*(re.escape(str(file)) for file in files))
     done = run(capsys, *shared)
     assert re.fullmatch(rf"{named}; not written, --force writes all\n", done.err), done.err
