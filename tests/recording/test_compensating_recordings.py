@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from contactwrench.recording import compensate as compensation
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.recording.compensate import Treatment
 from contactwrench.recording.options import Options
+from contactwrench.recording.tables.columns import ROWS
 from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from contactwrench.simulate.trajectory import Push
 from tests.support.in_motion import moving
@@ -118,14 +120,15 @@ def test_many_rows_are_stepped_through_compiled_and_few_where_that_is_at_hand(
     rec = moving(33, stops=0, seconds=5.0, rate=250.0).recorded
     columns = np.column_stack([rec.t, rec.wrench, rec.position, rec.R_base_flange.reshape(-1, 9)])
     path = written(tmp_path, csv_text(("t", *WRENCH, "x", "y", "z", *MATRIX), columns))
-    asked, found, make = list[bool | None](), list[Array](), compensation.Compensator
-    monkeypatch.setattr(
-        compensation,
-        "Compensator",
-        lambda *given, fast, **stated: asked.append(fast) or make(*given, fast=fast, **stated),
-    )
+    asked, found = list[bool | None](), list[Array]()
+
+    def made(*given: Any, fast: bool | None, **stated: Any) -> cw.Compensator:
+        asked.append(fast)
+        return cw.Compensator(*given, fast=fast, **stated)
+
+    monkeypatch.setattr(compensation, "Compensator", made)
     compiled.cache_clear()
-    for rows in (compensation.ROWS, len(rec.t) // 2, compensation.ROWS):
+    for rows in (ROWS, len(rec.t) // 2, ROWS):
         monkeypatch.setattr(compensation, "ROWS", rows)
         done = compensation.compensated(path, Options(), with_inertia(), Treatment(judged=True, noise=np.full(6, 0.05)))
         found.append(np.concatenate([each.wrench for each in done]))
