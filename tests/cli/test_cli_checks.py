@@ -146,7 +146,8 @@ def test_of_tools_that_share_a_mounting_the_one_that_was_remounted_is_named(tmp_
         R, tool = random_rotations(10, rng), replace(rig, weight=20.0, R_flange_sensor=mount)
         file.write_text(Written(QUAT, quat).text(R, noisy_readings(tool, R, NOISE, rng)))
     out = tmp_path / "out"
-    shared: tuple[str | Path, ...] = ("calibrate", *files, "--shared", "mount,gravity", "-o", out)
+    both = ("--shared", "mount,gravity", "--model", "mount+base")
+    shared: tuple[str | Path, ...] = ("calibrate", *files, *both, "-o", out)
     named = REMOUNTED.format(*(re.escape(str(file)) for file in files))
     done = run(capsys, *shared)
     assert re.fullmatch(rf"{named}; not written, --force writes all\n", done.err), done.err
@@ -154,7 +155,7 @@ def test_of_tools_that_share_a_mounting_the_one_that_was_remounted_is_named(tmp_
     done = run(capsys, *shared, "--force")
     stays = f"; what is in {out} stays as it was: with --force all are written to a new folder"
     assert re.fullmatch(named + re.escape(stays) + r"\n", done.err), done.err
-    assert run(capsys, "calibrate", *files[:2], "--shared", "mount,gravity").err == ""
+    assert run(capsys, "calibrate", *files[:2], *both).err == ""
 
 
 @pytest.mark.parametrize("verb", ["calibrate", "diagnose"])

@@ -68,7 +68,7 @@ def test_a_bias_that_goes_there_and_back_wanders_and_the_last_one_is_within_its_
 def test_the_last_of_a_bias_that_wanders_along_one_direction_is_covered(cycle: bool) -> None:
     """By the 95 % intervals of its axes, of all recordings together."""
     off = []
-    for poses, seed in product((12, 24), range(40, 50)):
+    for poses, seed in product((12, 24), range(40, 44)):
         rig, samples = _along_one_direction(seed, poses, cycle)
         calibration = cw.calibrate(samples, "mount")
         off += np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).tolist()

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.compensate.runner import compiled
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.recording.compensate import Treatment
 from contactwrench.recording.options import Options
+from contactwrench.recording.tables.columns import ROWS
 from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from contactwrench.simulate.trajectory import Push
 from tests.support.in_motion import moving
@@ -106,6 +110,30 @@ def test_noise_from_a_free_motion_beside_an_inertia_is_what_that_leaves(tmp_path
     left = np.genfromtxt(tmp_path / "o.csv", delimiter=",", names=True)
     assert np.nanmedian(left["fx_std"]) == pytest.approx(0.05, rel=0.2)
     assert (left["contact"][np.abs(left["t"] - arm.begin - 2.3) < 0.2] == 1).all()
+
+
+@pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+def test_many_rows_are_stepped_through_compiled_and_few_where_that_is_at_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside an inertia all rows are read at once, and many took five times as long, in plain Python."""
+    rec = moving(33, stops=0, seconds=5.0, rate=250.0).recorded
+    columns = np.column_stack([rec.t, rec.wrench, rec.position, rec.R_base_flange.reshape(-1, 9)])
+    path = written(tmp_path, csv_text(("t", *WRENCH, "x", "y", "z", *MATRIX), columns))
+    asked, found = list[bool | None](), list[Array]()
+
+    def made(*given: Any, fast: bool | None, **stated: Any) -> cw.Compensator:
+        asked.append(fast)
+        return cw.Compensator(*given, fast=fast, **stated)
+
+    monkeypatch.setattr(compensation, "Compensator", made)
+    compiled.cache_clear()
+    for rows in (ROWS, len(rec.t) // 2, ROWS):
+        monkeypatch.setattr(compensation, "ROWS", rows)
+        done = compensation.compensated(path, Options(), with_inertia(), Treatment(judged=True, noise=np.full(6, 0.05)))
+        found.append(np.concatenate([each.wrench for each in done]))
+    assert asked == [False, None, None]
+    assert all(np.array_equal(each, found[0], equal_nan=True) for each in found)
 
 
 def test_an_inertia_takes_poses_at_their_pace_whatever_their_stamps(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 import typer.main
@@ -59,8 +60,11 @@ def csv_text(header: Iterable[str], rows: Iterable[ArrayLike], delimiter: str = 
         numbers = rows.reshape(len(rows), -1).astype(np.float64).tolist()
     else:
         numbers = [np.ravel(row).astype(np.float64).tolist() for row in rows]
-    lines = [delimiter.join(header), *(delimiter.join(map(repr, row)) for row in numbers)]
-    return end.join([*lines, ""])
+    if numbers and delimiter == "," and np.isfinite([sum(row) for row in numbers]).all():  # in a tenth of the time
+        lines = msgspec.json.encode(numbers).decode()[2:-2].split("],[")
+    else:
+        lines = [delimiter.join(map(repr, row)) for row in numbers]
+    return end.join([delimiter.join(header), *lines, ""])
 
 
 def matrix_table(wrench: Array, R_base_flange: Array) -> str:

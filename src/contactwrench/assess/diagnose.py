@@ -8,6 +8,7 @@ their prior: each change from what was stated has a probability of 1 in 20.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -156,11 +157,12 @@ def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
             "hold an orientation"
         )
     screening = screened(file)
-    given = None if file.stated is None else _excused(file, _explained(file, file.stated, model))
+    explained = cache(partial(_explained, file))  # the stated one is among the promising ones, and those are by `mount`
+    given = None if file.stated is None else _excused(file, explained(file.stated, model))
     fits = [] if given is None else [given]
-    promising = [_explained(file, file.interpretation(*place), "mount") for place in screening.classes()]
+    promising = [explained(file.interpretation(*place), "mount") for place in screening.classes()]
     promising.sort(key=lambda fit: fit.odds)
-    fits += [_explained(file, fit.interpretation, model) for fit in promising[:MOST_RANKED]]
+    fits += [explained(fit.interpretation, model) for fit in promising[:MOST_RANKED]]
     fits.sort(key=lambda fit: fit.odds)
     as_good = [fit for fit in fits if not any(_decisively_better(other, fit) for other in fits)]
     chosen = given if given in as_good else min(as_good, key=lambda fit: fit.cost)

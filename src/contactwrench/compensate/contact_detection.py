@@ -4,12 +4,13 @@ a contact begins and ends, and what it was.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import log, nan, sqrt
 from typing import Any
 
 import numpy as np
 
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, read_only
 from ..geometry.ranges import Range
 from ..samples.poses import SAME_POSE_ANGLE
 from .bias_tracking import CREEP, RECOVERY, REMNANT, SAME_SECONDS, SETTLED, SETTLED_LATE, predict, whiten
@@ -41,12 +42,16 @@ def thresholds(false_alarm_rate: float) -> tuple[Array, Array, Array]:
 
     Raises `InputError` unless the rate lies between 1e-9 and `RELEASE_RATE`.
     """
+    return _thresholds(float(Range(1e-9, RELEASE_RATE, "per sample").require(false_alarm_rate, "false-alarm rate")))
+
+
+@lru_cache(8)
+def _thresholds(false_alarm_rate: float) -> tuple[Array, Array, Array]:
     from scipy.special import fdtri
 
-    Range(1e-9, RELEASE_RATE, "per sample").require(false_alarm_rate, "false-alarm rate")
     dof = np.exp(np.linspace(FIRST_LOG_DOF, LAST_LOG_DOF, THRESHOLDS))
     rates = (false_alarm_rate, RELEASE_RATE, ONSET_RATE * false_alarm_rate)
-    contact, release, onset = (6.0 * fdtri(6.0, dof, 1.0 - rate) for rate in rates)
+    contact, release, onset = (read_only(6.0 * fdtri(6.0, dof, 1.0 - rate)) for rate in rates)
     return contact, release, onset
 
 

@@ -5,6 +5,7 @@ at a time. The coefficients are scipy's (`scipy.signal.butter`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, exp, pi
 
 import numpy as np
@@ -70,9 +71,7 @@ class LowPass:
                 f"cut-off of a low-pass is {self.cutoff:g} Hz at {rate:g} Hz, expected less than half the rate, "
                 f"{0.5 * rate:g} Hz"
             )
-        from scipy.signal import butter
-
-        return np.asarray(butter(self.order, self.cutoff, fs=rate, output="sos"))
+        return _butterworth(self.order, float(self.cutoff), float(rate)).copy()
 
     def noise_gain(self, rate: float, pulse: ArrayLike = (1.0,)) -> float:
         """What is left of the variance of noise at a `rate`, Hz, that is white pulses of this shape: 0 to 1."""
@@ -84,6 +83,13 @@ class LowPass:
     def settles_in(self, rate: float) -> int:
         """Samples at a `rate`, Hz, after which 1 % is left of its start: a period of the cut-off for each order."""
         return 2 + ceil(max(self.order, 1) * rate / self.cutoff)
+
+
+@lru_cache(64)
+def _butterworth(order: int, cutoff: float, rate: float) -> Array:
+    from scipy.signal import butter
+
+    return np.asarray(butter(order, cutoff, fs=rate, output="sos"))
 
 
 def least_rows(sections: Array) -> int:

@@ -19,6 +19,7 @@ from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_
 from ..compensate.delay import delay_of, std_of_delay
 from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, smoothed
+from ..compensate.runner import compiled
 from ..compensate.state import INTERVALS
 from ..errors import InputError
 from ..estimation.calibrate import calibrate
@@ -191,6 +192,7 @@ def _paired(
         if treatment.noise is None and calibration.still_noise is None:
             note(f"{NOISE_IS_LEARNED}; --noise states it")
         times = (part.samples.t for part in begun if part.samples.t is not None)
+        many = len(begun) > 1 or sum(len(part.samples) for part in begun) > ROWS
         compensator = Compensator(
             calibration,
             rate=next((rate_of(t) for t in times if len(t) > INTERVALS), None),  # a few would be believed to the end
@@ -200,7 +202,7 @@ def _paired(
             sensor_filter=treatment.sensor_filter,
             noise=treatment.noise,
             gravity=treatment.gravity,
-            fast=None if len(begun) > 1 else False,  # one batch is done before the step is compiled
+            fast=None if many or compiled.cache_info().currsize else False,  # few are done before it is compiled
         )
     for part in chain(begun, parts):
         samples = with_accelerations(part.samples, imu)
