@@ -58,6 +58,7 @@ def complaint(capsys: Capture, verb: str, *arguments: str | Path) -> str:
     """
     with nothing_left(), pytest.MonkeyPatch.context() as patch:
         patch.setattr("contactwrench.cli.live._until_a_signal", _begun)
+        patch.setattr("contactwrench.cli.live_terminal.compile_now", lambda _: None)  # said where no file has it yet
         done = run(capsys, verb, *arguments)
     assert (done.status, done.out) == (2, "")
     assert done.err.startswith("contactwrench: ")
