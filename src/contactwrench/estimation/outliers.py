@@ -151,20 +151,22 @@ def likely_clean(
     fits = problem.fit(best)
     far = fits.distance[[np.argmin(fits.variance.prod(axis=0))]]
     if n > FEW:
-        far = np.vstack([far, beyond_the_cut(problem.fit(np.ones((1, n), dtype=bool)).left[0])])
+        of_all = problem.fit(np.ones((1, n), dtype=bool))
+        far = np.vstack([far, beyond_the_cut(of_all.left[0] / np.sqrt(OF_GROUPS @ of_all.variance[:, 0]))])
     return problem.settled(far, log_prior_outlying), problem.settled(far, log_prior_two_levels)
 
 
 def beyond_the_cut(errors: Array) -> Array:
-    """How far (n,) errors (n, 6) are beyond the likeliest cut in two sets about means of their own, of as many ways to
-    cut, along the direction that tells the two apart best (Fisher, 1936): above 0 in the smaller one.
+    """How far (n,) errors (n, 6) in units of the noise are beyond the likeliest cut in two sets about means of their
+    own, of as many ways to cut, along the direction that tells the two apart best (Fisher, 1936), of few the one along
+    which they differ most: above 0 in the smaller set.
     """
     n, below = len(errors), np.arange(1, len(errors))
     log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
     log_ways = log_factorial[n] - log_factorial[below] - log_factorial[n - below]
     off = errors - errors.mean(axis=0)
-    off = off / np.maximum(np.sqrt(np.mean(off**2, axis=0)), 1e-300)
-    inverse = np.linalg.inv(off.T @ off / n + 1e-9 * np.eye(6))
+    off = off / max(float(np.sqrt(np.mean(off**2))), 1e-300)
+    inverse = np.linalg.inv(off.T @ off / n + (6.0 / n) ** 2 * np.eye(6))  # few always fall in two somewhere
     directions = np.concatenate([np.eye(6), np.linalg.svd(off, full_matrices=False)[2]])
     for _ in range(SPLITS):
         along = directions @ off.T

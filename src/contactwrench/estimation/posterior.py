@@ -147,7 +147,7 @@ def _two_sides(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     """
     if table.kinds[table.best] != Kind.BIAS_WANDERED:
         return []
-    left = explained(problem, table, table.best)[0][table.kept]
+    left = (explained(problem, table, table.best)[0] / np.sqrt(table.members.variance[table.best]))[table.kept]
     larger = np.ones_like(table.kept)
     larger[table.kept] = beyond_the_cut(left) < 0.0
     return [larger]
