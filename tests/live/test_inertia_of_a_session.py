@@ -6,7 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from contactwrench.cli.live_terminal import instruction
 from contactwrench.live.replay import Replay
+from contactwrench.live.session import Session
 from contactwrench.live.source import Batch, EndOfStreamError
 from tests.live.sources.test_ur_decoder import data, decoded
-from tests.support.live_motion import T0, Devices, Felt, fed, felt, swung
+from tests.support.live_motion import SENSOR, T0, Devices, Felt, dynamic, fed, felt, swung
 
 NOT_SUBTRACTED = (
     "the robot's poses have no {}: the tool's inertia is not subtracted, and reads as contact while the arm "
@@ -90,6 +93,19 @@ def test_without_positions_the_arm_is_at_rest_and_that_is_said_once() -> None:
     assert snapshot.running is not None
     assert snapshot.running.inertia is False
     assert instruction(snapshot) == "Running. The tool's inertia is not subtracted."
+
+
+def test_a_calibration_that_knows_no_inertia_says_so_once() -> None:
+    without = Session(replace(dynamic(), dynamics=None))
+    without.opened("sensor", SENSOR, T0)
+    for now, sensor, poses in islice(Devices(125).turns(swung()), 100):
+        without.feed(sensor, poses, t=now)
+    said = [(event.severity, event.text) for event in without.events() if event.kind in ("inertia", "no_motion")]
+    text = (
+        "the calibration knows no inertia of the tool, which reads as contact while the arm accelerates: calibrate "
+        "with --model dynamic, or in a session whose robot sends positions"
+    )
+    assert said == [("note", text)]
 
 
 def test_by_times_of_arrival_nothing_is_subtracted() -> None:

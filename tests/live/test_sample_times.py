@@ -195,7 +195,7 @@ def test_a_contact_costs_nothing_while_samples_cannot_be_used(monkeypatch: pytes
             for each in np.linspace(t - 0.009, t, 10).tolist()
         ]
         session.feed(Batch(readings), Batch([Sample(t - 0.009, t, orientation=(0.0, 0.0, 0.0, 1.0))]), t=t)
-    assert [event.kind for event in session.events()] == ["connected", "connected", "contact", "saturated"]
+    assert [event.kind for event in session.events()] == ["connected", "connected", "inertia", "contact", "saturated"]
     assert summed == []
 
 

@@ -46,6 +46,10 @@ OF_ACCELEROMETER = (
     "the calibration's inertia counts from an accelerometer, which a session does not read: it is not subtracted, and "
     "reads as contact while the arm accelerates; calibrate by positions"
 )
+NOT_KNOWN = (
+    "the calibration knows no inertia of the tool, which reads as contact while the arm accelerates: calibrate with "
+    "--model dynamic, or in a session whose robot sends positions"
+)
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,8 @@ class Runner:
         self._invalid, self._touching = 0, False
         self._seen: dict[str, float] = {}
         self._begun = inf
-        self._said = [("no_motion", OF_ACCELEROMETER)] if dynamics is not None and not of_positions else []
+        not_subtracted = ("inertia", NOT_KNOWN) if dynamics is None else ("no_motion", OF_ACCELEROMETER)
+        self._said = [] if of_positions else [not_subtracted]
         self._ended: list[ContactEnded] = []
 
     def came(self, poses: Sequence[tuple[float, Sample]]) -> None:
