@@ -66,7 +66,7 @@ class GrowingFile(ABC):
         with cause_named(self._path):
             file_of(self._path)
             self._file = self._kind(self._path)
-            if self._kind is GrowingText:
+            if isinstance(self._file, GrowingText):
                 self._file.add([",".join(self.NAMES) + "\n"])  # comes with the first rows, or the end
 
     def write(self, turn: Turn) -> None:
@@ -104,9 +104,9 @@ class GrowingFile(ABC):
         rows = self._rows_of(turn)
         self._more = True
         self.dropped += rows
-        content = {GrowingText: self._lines, GrowingParquet: self._columns, GrowingMcap: self._messages}[self._kind]
+        of: dict[Any, Any] = {GrowingText: self._lines, GrowingParquet: self._columns, GrowingMcap: self._messages}
         with cause_named(self._path):
-            self._file.add(content(turn))  # of poses alone no rows, but a Recorder keeps where they were
+            self._file.add(of[self._kind](turn))  # of poses alone no rows, but a Recorder keeps where they were
         self.dropped, self._unwritten = self.dropped - rows, self._unwritten + rows
 
     def _write(self) -> None:
