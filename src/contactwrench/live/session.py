@@ -161,7 +161,7 @@ class Session:
             if reading.t - self._traced >= TRACE_EVERY:
                 self._traced = reading.t
                 self._trace.append(traced(reading, turn.judged[k] if turn.judged else None))
-        if self.phase not in (Phase.CONNECT, Phase.RUN) and turn.rows:
+        if self._runner is None and self.phase is not Phase.CONNECT and turn.rows:
             self._motion.add(turn, t)
         for intake in self._intakes:
             for event in intake.look(t):
