@@ -77,7 +77,7 @@ class Clock:
         is nothing better. Where the device's goes back, and at the places `anew`, it has begun anew: what came before
         has nothing to do with it. They are not known until what waited then has come, `EMPTY`, or is no queue, `FALLS`.
         """
-        times = list[tuple[float, bool]]()
+        times: list[tuple[float, bool]] = []
         for k, (arrival, device) in enumerate(stamps):
             if device < self._device or k in anew:
                 self._tell(stamps[len(times) : k], times)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite, isnan
+from math import hypot, inf, isfinite, isnan
 
 import numpy as np
 
@@ -235,7 +235,5 @@ class Intake:
 
 def _broken(sample: Sample) -> str:
     """The flaw of numbers that are none."""
-    wrench, orientation = sample.wrench or NOTHING, sample.orientation or NOTHING
-    is_number = isfinite(sum(wrench) + sum(orientation))
-    fine = is_number and max(wrench) <= LARGEST_READING and min(wrench) >= -LARGEST_READING
+    fine = hypot(*(sample.wrench or NOTHING)) <= LARGEST_READING and hypot(*(sample.orientation or NOTHING)) < inf
     return "" if fine else "broken: no number"

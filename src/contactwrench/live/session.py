@@ -173,8 +173,9 @@ class Session:
         return turn
 
     def _turn(self, samples: list[tuple[float, Sample]], poses: list[tuple[float, Sample]]) -> Turn:
-        runner, readings, judged = self._runner, list[Reading](), list[ContactWrench]()
-        delay = 0.0 if runner is None else runner.delay
+        readings: list[Reading] = []
+        judged: list[ContactWrench] = []
+        runner, delay = self._runner, 0.0 if self._runner is None else self._runner.delay
         for when, sample in samples:
             orientation, age = self._track.at(when, when)
             wrench = NO_WRENCH if sample.wrench is None else sample.wrench
