@@ -77,8 +77,8 @@ class Reader:
         """What came since the last call, at most until the device went, or came back: its clock begins anew then."""
         news: list[News] = []
         while self._news and (isinstance(self._news[0], Batch) or not news or not isinstance(news[-1], Batch)):
-            news.append(self._news.popleft())
-        self._taken += sum(len(each.samples) for each in news if isinstance(each, Batch))
+            news.append(each := self._news.popleft())
+            self._taken += len(each.samples) if isinstance(each, Batch) else 0
         if self._full:
             news.append(Batch(notes=[Note(NoteKind.LOST, "more came than could be taken", self._full)]))
             self._full = 0
