@@ -231,17 +231,13 @@ class Pump:
         try:
             ended = False
             while not ended:
-                self._pause()
+                if not self._readers["sensor"].lead():  # its own thread is at it: until that has something, or a moment
+                    self._wake.wait(TURN)
+                    self._wake.clear()
                 ended = self._stop.is_set() or self._readers["sensor"].ended
                 self._turn(now())
         except BaseException as error:  # a thread's error is said by whoever waits for it
             self.failure = error
-
-    def _pause(self) -> None:
-        """Until the sensor sent something, or a moment."""
-        if not self._readers["sensor"].lead():
-            self._wake.wait(TURN)
-            self._wake.clear()
 
     def _turn(self, t: float) -> None:
         batches = {role: self._taken(role, reader, t) for role, reader in self._readers.items()}
