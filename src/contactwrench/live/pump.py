@@ -103,7 +103,7 @@ class Reader:
         if not self._reads.acquire(blocking=False):
             return False
         try:
-            self.put(next(self._stream, Batch()))
+            self.put(next(self._stream, None) or Batch())
             self._stands_by_until = now() + TURN
         except Exception as error:  # its own thread's to say, and to connect again
             self._failure, self._stands_by_until = error, 0.0
