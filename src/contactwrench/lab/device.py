@@ -8,7 +8,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from threading import Event, Thread
 from time import monotonic, sleep
-from types import TracebackType
 from typing import Self, TypeAlias
 
 import numpy as np
@@ -112,7 +111,7 @@ class Fake(ABC):
         self._thread.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stopping = True
         self._thread.join()
         self._close()

@@ -37,15 +37,12 @@ class Truth(Protocol):
 
     def wrench_rows(self, t0: float, n: int, rate: float) -> Array:
         """What its sensor reads (n, 6), N and N m, sensor axes, at `t0 + k / rate`: the rows after the last ones."""
-        ...
 
     def pose_at(self, t: float) -> FlangePose:
         """Where the flange is."""
-        ...
 
     def true_contact(self, t: float) -> Array:
         """What the environment exerts on the sensor (6,), N and N m, sensor axes."""
-        ...
 
 
 @dataclass

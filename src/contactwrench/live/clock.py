@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Sequence
-from itertools import pairwise
 from math import inf, isnan
+
+import numpy as np
 
 BIN, BINS = 0.5, 240
 """s over which only the smallest delay is kept, and how many of those: two minutes, in which quartz keeps its rate."""
@@ -76,7 +77,7 @@ class Clock:
         is nothing better. Where the device's goes back, and at the places `anew`, it has begun anew: what came before
         has nothing to do with it. They are not known until what waited then has come, `EMPTY`, or is no queue, `FALLS`.
         """
-        times = list[tuple[float, bool]]()
+        times: list[tuple[float, bool]] = []
         for k, (arrival, device) in enumerate(stamps):
             if device < self._device or k in anew:
                 self._tell(stamps[len(times) : k], times)
@@ -176,21 +177,9 @@ def line_under(points: list[tuple[float, float]]) -> tuple[float, tuple[float, f
     """
     slope = 0.0
     if points[-1][0] - points[0][0] >= LEAST_SPAN:
-        middle = sum(time for time, _ in points) / len(points)
-        (a, offset_a), (b, offset_b) = next(edge for edge in pairwise(_lower_hull(points)) if edge[1][0] >= middle)
-        slope = max(-FASTEST, min(FASTEST, (offset_b - offset_a) / (b - a)))
+        time, offset = (np.array(points) - points[0]).T
+        is_before = time < (middle := time.mean())
+        rise = (offset[~is_before] - offset[is_before, None]) / (time[~is_before] - time[is_before, None])
+        there = offset[is_before, None] + rise * (middle - time[is_before, None])
+        slope = max(-FASTEST, min(FASTEST, float(rise.flat[np.argmin(there)])))  # of two points the lowest line there
     return slope, min(points, key=lambda point: point[1] - slope * point[0])
-
-
-def _lower_hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    hull: list[tuple[float, float]] = []
-    for point in points:
-        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], point):
-            hull.pop()
-        hull.append(point)
-    return hull
-
-
-def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
-    """Whether b lies on or above the line from a to c."""
-    return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite, isnan
+from math import hypot, inf, isfinite, isnan
 
 import numpy as np
 
@@ -92,9 +92,9 @@ class Intake:
         if not isinstance(batch, Batch):
             found = f"{self.uri}: found {type(batch).__name__}"
             raise InputError(f"{found}, expected a Batch: Batch([Sample(arrival, wrench=...)])")
-        if not isfinite(sum([sample.arrival for sample in batch.samples])):
-            bad = next(each.arrival for each in batch.samples if not isfinite(each.arrival))
-            raise InputError(f"found a sample with arrival={bad}, expected s, by the clock of t: say when it came")
+        for sample in batch.samples:
+            if not isfinite(at := sample.arrival):
+                raise InputError(f"found a sample with arrival={at}, expected s, by the clock of t: say when it came")
         for sample in batch.samples[:1]:
             for name, size in (("wrench", 6), ("orientation", 4), ("position", 3)):
                 value = getattr(sample, name)
@@ -235,7 +235,5 @@ class Intake:
 
 def _broken(sample: Sample) -> str:
     """The flaw of numbers that are none."""
-    wrench, orientation = sample.wrench or NOTHING, sample.orientation or NOTHING
-    is_number = isfinite(sum(wrench) + sum(orientation))
-    fine = is_number and max(wrench) <= LARGEST_READING and min(wrench) >= -LARGEST_READING
+    fine = hypot(*(sample.wrench or NOTHING)) <= LARGEST_READING and hypot(*(sample.orientation or NOTHING)) < inf
     return "" if fine else "broken: no number"

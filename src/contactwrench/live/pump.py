@@ -77,8 +77,8 @@ class Reader:
         """What came since the last call, at most until the device went, or came back: its clock begins anew then."""
         news: list[News] = []
         while self._news and (isinstance(self._news[0], Batch) or not news or not isinstance(news[-1], Batch)):
-            news.append(self._news.popleft())
-        self._taken += sum(len(each.samples) for each in news if isinstance(each, Batch))
+            news.append(each := self._news.popleft())
+            self._taken += len(each.samples) if isinstance(each, Batch) else 0
         if self._full:
             news.append(Batch(notes=[Note(NoteKind.LOST, "more came than could be taken", self._full)]))
             self._full = 0
@@ -103,7 +103,7 @@ class Reader:
         if not self._reads.acquire(blocking=False):
             return False
         try:
-            self.put(next(self._stream, Batch()))
+            self.put(next(self._stream, None) or Batch())
             self._stands_by_until = now() + TURN
         except Exception as error:  # its own thread's to say, and to connect again
             self._failure, self._stands_by_until = error, 0.0
@@ -231,17 +231,13 @@ class Pump:
         try:
             ended = False
             while not ended:
-                self._pause()
+                if not self._readers["sensor"].lead():  # its own thread is at it: until that has something, or a moment
+                    self._wake.wait(TURN)
+                    self._wake.clear()
                 ended = self._stop.is_set() or self._readers["sensor"].ended
                 self._turn(now())
         except BaseException as error:  # a thread's error is said by whoever waits for it
             self.failure = error
-
-    def _pause(self) -> None:
-        """Until the sensor sent something, or a moment."""
-        if not self._readers["sensor"].lead():
-            self._wake.wait(TURN)
-            self._wake.clear()
 
     def _turn(self, t: float) -> None:
         batches = {role: self._taken(role, reader, t) for role, reader in self._readers.items()}

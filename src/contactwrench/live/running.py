@@ -113,7 +113,7 @@ class Runner:
         if not made.valid:
             self._invalid += 1
             self._fault(made)
-        if made.contact is not None:
+        if made.contact or self._touching:
             self._follow(made)
         return made
 
@@ -133,7 +133,7 @@ class Runner:
             if not self._touching:
                 self._said.append(("contact", f"contact: {np.linalg.norm(made.wrench[:3]):.1f} N"))
             self._touching = True
-        elif self._touching and (last := self._compensator.last_contact) is not None and last.release is not None:
+        elif made.contact is not None and (last := self._compensator.last_contact) and last.release is not None:
             self._touching = False
             self._ended.append(last)
             lasted, largest = last.release - last.onset, float(np.linalg.norm(last.peak[:3]))

@@ -161,7 +161,7 @@ class Session:
             if reading.t - self._traced >= TRACE_EVERY:
                 self._traced = reading.t
                 self._trace.append(traced(reading, turn.judged[k] if turn.judged else None))
-        if self.phase not in (Phase.CONNECT, Phase.RUN) and turn.rows:
+        if self._runner is None and self.phase is not Phase.CONNECT and turn.rows:
             self._motion.add(turn, t)
         for intake in self._intakes:
             for event in intake.look(t):
@@ -173,8 +173,9 @@ class Session:
         return turn
 
     def _turn(self, samples: list[tuple[float, Sample]], poses: list[tuple[float, Sample]]) -> Turn:
-        runner, readings, judged = self._runner, list[Reading](), list[ContactWrench]()
-        delay = 0.0 if runner is None else runner.delay
+        readings: list[Reading] = []
+        judged: list[ContactWrench] = []
+        runner, delay = self._runner, 0.0 if self._runner is None else self._runner.delay
         for when, sample in samples:
             orientation, age = self._track.at(when, when)
             wrench = NO_WRENCH if sample.wrench is None else sample.wrench

@@ -208,12 +208,13 @@ class _Queued(OpenSink):
         self._thread.start()
 
     def write(self, turn: Turn) -> None:
-        while (full := self._is_full(turn.rows)) and self._patient:
+        rows = turn.rows
+        while (full := self._is_full(rows)) and self._patient:
             sleep(0.001)
         if full:
             self._lost += len(turn.readings)
             return
-        self._given += turn.rows
+        self._given += rows
         self._queue.put(turn)
 
     def close(self) -> None:

@@ -50,6 +50,8 @@ class GrowingFile(ABC):
     waits = gathers = True
     NAMES: tuple[str, ...] = ()
     """Of the columns."""
+    ROWS = "judged"
+    """What of a turn is a row of a table each."""
 
     def __init__(self, path: Path) -> None:
         if path.suffix.lower() not in FORMATS:
@@ -66,7 +68,7 @@ class GrowingFile(ABC):
         with cause_named(self._path):
             file_of(self._path)
             self._file = self._kind(self._path)
-            if self._kind is GrowingText:
+            if isinstance(self._file, GrowingText):
                 self._file.add([",".join(self.NAMES) + "\n"])  # comes with the first rows, or the end
 
     def write(self, turn: Turn) -> None:
@@ -101,12 +103,12 @@ class GrowingFile(ABC):
         if self._file is None or not any(turn.rows for turn in turns):
             return
         turn = Turn.joined(turns)
-        rows = self._rows_of(turn)
+        rows = len(getattr(turn, self.ROWS))
         self._more = True
         self.dropped += rows
-        content = {GrowingText: self._lines, GrowingParquet: self._columns, GrowingMcap: self._messages}[self._kind]
+        of: dict[Any, Any] = {GrowingText: self._lines, GrowingParquet: self._columns, GrowingMcap: self._messages}
         with cause_named(self._path):
-            self._file.add(content(turn))  # of poses alone no rows, but a Recorder keeps where they were
+            self._file.add(of[self._kind](turn))  # of poses alone no rows, but a Recorder keeps where they were
         self.dropped, self._unwritten = self.dropped - rows, self._unwritten + rows
 
     def _write(self) -> None:
@@ -116,10 +118,6 @@ class GrowingFile(ABC):
             self._file.write()
         self._more = False
         self.written, self._unwritten = self.written + self._unwritten, 0
-
-    @abstractmethod
-    def _rows_of(self, turn: Turn) -> int:
-        """How many rows of a table a turn makes."""
 
     @abstractmethod
     def _messages(self, turn: Turn) -> Iterator[Message]:
@@ -148,9 +146,6 @@ class ContactFile(GrowingFile):
     def __init__(self, uri: Uri) -> None:
         super().__init__(Path(uri.text.partition(":")[2]))
         self._said = ""
-
-    def _rows_of(self, turn: Turn) -> int:
-        return len(turn.judged)
 
     def _messages(self, turn: Turn) -> Iterator[Message]:
         contact = turn.contact
@@ -181,15 +176,12 @@ class Recorder(GrowingFile):
     have one, is a NaN there, and its numbers stand as text behind the reason: column `flaw`, topic `/flaw`.
     """
 
-    NAMES = RAW_NAMES
+    NAMES, ROWS = RAW_NAMES, "readings"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._posed = False
         self._pose_t, self._position = np.empty(0), np.empty((0, 3))
-
-    def _rows_of(self, turn: Turn) -> int:
-        return len(turn.readings)
 
     def _messages(self, turn: Turn) -> Iterator[Message]:
         flaws, known = _flaws(turn), _is_orientation(turn.pose)

@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from struct import pack
-from typing import IO, Any, Protocol, TypeAlias, cast
+from typing import IO, Any, TypeAlias, cast
 
 from ...recording.bags.mcap import LIVE
 from ...recording.bags.open import require_rosbags
@@ -78,22 +78,8 @@ class _WholeOrNot:
             self.flush()
 
 
-class Growing(Protocol):
-    """A file that is whole each time that it is written."""
-
-    def __init__(self, path: Path, /) -> None: ...
-    def add(self, content: Any, /) -> None:
-        """What is to be written next: text, columns or messages, as the kind of file takes them."""
-
-    def write(self) -> None:
-        """Write what was added."""
-
-    def close(self) -> None:
-        """Write what is left, and close."""
-
-
 class GrowingText:
-    """Lines of CSV. The methods of all three raise `OSError`."""
+    """Lines of CSV. The methods of all three raise `OSError`; it is whole each time that it is written."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb", buffering=AT_ONCE)
@@ -188,3 +174,6 @@ class GrowingMcap:
         channel: int = self._writer.register_channel(topic, "cdr", self._schemas[kind])
         self._channels[topic] = channel
         return channel
+
+
+Growing: TypeAlias = GrowingText | GrowingParquet | GrowingMcap

@@ -10,7 +10,7 @@ from math import isfinite, radians
 from ...errors import visible
 from ...geometry.quaternions import from_kuka_abc
 from ..counter import Counter
-from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six, now
+from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six
 from ..uri import Uri
 from .datagrams import Udp
 from .reader import Reader
@@ -89,7 +89,7 @@ class Rsi(Reader[Udp]):
         deadline = self._link.deadline(LISTENS)
         self.port = self._link.bind(*self._at)
         self._rsi = RsiDecoder()
-        self._begin(self._rsi)
+        self._begin(self)
         first = self._first(deadline, self._missing, FIRST)
         step = min(b.device - a.device for a, b in pairwise(first.samples))
         settings = {"pose": "of $TOOL in $BASE: with a $TOOL that is turned or shifted it is not the flange's"}
@@ -103,19 +103,18 @@ class Rsi(Reader[Udp]):
         return self._link.nobody(f"port {self.port}", "the robot's RSI datagrams", do)
 
     def read(self, timeout: float) -> Batch:
-        """As `Source`; each datagram is answered before this returns."""
-        batch, self._early = self._early, Batch()
-        data = self._link.receive(0.0 if batch.samples else timeout)
-        arrival = now()
-        for each in data:
-            known = len(batch.samples)
-            self._rsi.feed(each, arrival, batch)
-            if ipoc := self._rsi.ipoc:
-                moved = self.corrections is not None and len(batch.samples) > known
-                correction = self.corrections(batch.samples[-1]) if self.corrections and moved else NO_CORRECTION
-                self._link.answer(answer(ipoc, correction))
-        batch.notes += self._link.notes(bool(batch.samples))
-        return batch
+        """As `Source`; each datagram is answered before this returns, also those of a robot that says no pose."""
+        self._unread = 0
+        return super().read(timeout)
+
+    def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
+        """Put the sample of a datagram into the batch, and answer it."""
+        known = len(batch.samples)
+        self._rsi.feed(data, arrival, batch)
+        if ipoc := self._rsi.ipoc:
+            is_new = len(batch.samples) > known
+            correction = self.corrections(batch.samples[-1]) if self.corrections and is_new else NO_CORRECTION
+            self._link.answer(answer(ipoc, correction))
 
 
 def answer(ipoc: int, correction: Six = NO_CORRECTION) -> bytes:

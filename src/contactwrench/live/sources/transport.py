@@ -161,7 +161,8 @@ class Tcp(Link):
             raise self._cut(error) from None
 
     def _received(self, timeout: float) -> list[bytes]:
-        self._socket.settimeout(timeout)
+        if self._socket.gettimeout() != timeout:  # to set it asks the system each time
+            self._socket.settimeout(timeout)
         try:
             data = self._socket.recv(MOST_BYTES)
         except (TimeoutError, BlockingIOError):
