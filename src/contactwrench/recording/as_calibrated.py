@@ -39,20 +39,13 @@ OF_COLUMNS = ("units", "hdf5", "orientation", "wrench_columns", "time_column")
 OF_POSE = ("pose_topic", "frames", "robot")
 """Where a bag has its pose: stated together, and so taken together."""
 
-GOES_WITH = {
-    "sign": "wrench_columns",
-    "wrench_frame": "wrench_columns",
-    "inverse_orientation": "orientation",
-    "units": "wrench_columns",
+ASKED_FOR = {
+    "sign": ("wrench_columns", "--sign pull"),
+    "wrench_frame": ("wrench_columns", "--wrench-frame sensor"),
+    "inverse_orientation": ("orientation", "--no-inverse-orientation"),
+    "units": ("wrench_columns", "--units force=N,torque=Nm"),
 }
-"""By which option of the columns a table shows that it is written as another one."""
-
-OTHERWISE = {
-    "sign": "--sign pull",
-    "wrench_frame": "--wrench-frame sensor",
-    "inverse_orientation": "--no-inverse-orientation",
-    "units": "--units force=N,torque=Nm",
-}
+"""By which option of the columns a table shows that it is written as another one; and what says so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,11 +90,12 @@ def as_calibrated(
     if asked and by_names and _wrench_has_other_names(path, read, calibration):
         changed.add("wrench_columns")
     for name, value in asked.items():
-        if was_bag != is_bag or GOES_WITH[name] in changed:
+        shown_by, otherwise = ASKED_FOR[name]
+        if was_bag != is_bag or shown_by in changed:
             found = "other columns" if was_bag == is_bag else "a bag" if is_bag else "a table"
             raise InputError(
                 f"{name_of(path)}: found {found}, and a calibration read with {_options({name: value})}, expected to "
-                f"be told whether that holds here: repeat it, or say {OTHERWISE[name]}"
+                f"be told whether that holds here: repeat it, or say {otherwise}"
             )
     read = replace(read, **meant)
     if not (is_bag or was_bag):

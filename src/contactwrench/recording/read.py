@@ -13,12 +13,13 @@ import numpy as np
 
 from ..errors import FileFormatError, InputError
 from ..files import name_of
+from ..samples.accelerometer import with_accelerometer
 from ..samples.bursts import even_rows
 from ..samples.limits import at_limit
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.timestamps import begins_anew, counted_on
-from .accelerations import accelerometer_of, with_accelerations
+from .accelerations import accelerometer_of
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .bags.read import bag_batches, pose_in_doubt
 from .options import AS_USUAL, Options
@@ -127,7 +128,7 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
     many readings at a limit, which leave too little of what will be asked for.
     """
     samples, notes = even_rows(samples)
-    samples = with_accelerations(samples, accelerometer_of(path, options))
+    samples = with_accelerometer(samples, accelerometer_of(path, options))
     if begins_anew(samples) and is_stream(samples):
         samples, anew = counted_on(samples)
         notes += anew

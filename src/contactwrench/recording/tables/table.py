@@ -192,6 +192,12 @@ def in_si(body: Body, groups: Sequence[Sequence[Column]], may_lack: Sequence[Col
     return np.split(values, np.cumsum([len(group) for group in groups])[:-1].tolist(), axis=1)
 
 
+def whole_columns(table: OpenTable, *groups: Sequence[Column], may_lack: Sequence[Column] = ()) -> list[Array]:
+    """All rows of some groups of columns, as `in_si` gives those of a block."""
+    blocks = (in_si(body, groups, may_lack) for body in table.bodies([column for group in groups for column in group]))
+    return [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
+
+
 def _rows_there(
     body: Body, columns: Sequence[Column], values: Array, core: int, *, may_be_half: bool = False
 ) -> NDArray[np.bool_]:
