@@ -138,14 +138,12 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
         samples = replace(samples, saturated=at_limit(samples.wrench))
     if samples.saturated is not None and samples.saturated.sum() > MANY_AT_A_LIMIT * len(samples):
         tell(f"{samples.unsaturated()[1][0]}: set the sensor's range larger, or load it less")
-    if read_as_bag(path, options):
-        if said := pose_in_doubt(path, options):
-            tell(said)
-        return samples
-    if said := times_in_doubt(path, options, samples.t):
+    is_one = read_as_bag(path, options)
+    if said := pose_in_doubt(path, options) if is_one else times_in_doubt(path, options, samples.t):
         tell(said)
-    doubt = angles_in_doubt(options.pose_file or path, options) if turns_little(samples.R_base_flange) else ""
-    return replace(samples, doubt=doubt) if doubt else samples
+    if is_one or not turns_little(samples.R_base_flange):
+        return samples
+    return replace(samples, doubt=angles_in_doubt(options.pose_file or path, options))
 
 
 def telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:

@@ -82,15 +82,12 @@ def _chosen(bag: Bag, name: str | None, what: str, types: tuple[str, ...], optio
     recorded = _recorded(bag, types, f"with {content}")
     if len(recorded) > 1:
         listed = ", ".join(f"{topic.name} ({written(topic.type)}, {bag.counts[topic]} messages)" for topic in recorded)
+        measured = [t for t in recorded if NOT_MEASURED.isdisjoint(re.findall("[a-z]+", t.name.lower()))]
         raise FileFormatError(
             f"{bag.path}: found {len(recorded)} topics with {what}: {listed}, expected one: choose with {option} "
-            f"{min(recorded, key=_tells_of_no_readings).name}"
+            f"{(measured or recorded)[0].name}"
         )
     return recorded[0]
-
-
-def _tells_of_no_readings(topic: Topic) -> bool:
-    return not NOT_MEASURED.isdisjoint(re.findall("[a-z]+", topic.name.lower()))
 
 
 def _flag_is_missing(bag: Bag, topics: tuple[Topic, ...]) -> FileFormatError:
