@@ -18,7 +18,7 @@ from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import arcs_through
 from ..statistics import counted
 from .buffer import Buffer, Nodes, Readings, nodes_at_pace, nodes_of, with_batch
-from .bursts import Even
+from .bursts import evened
 from .samples import ReadAs, Samples, Streams
 from .timestamps import default_gap, notes_of, require_common_span, require_times
 
@@ -117,15 +117,16 @@ def synchronized(
         raise InputError(f"delay is {delay!r}, expected s")
     if longest_gap is not None and not longest_gap > 0.0:
         raise InputError(f"longest_gap is {longest_gap!r}, expected s above 0")
-    pairing, even = _Pairing(delay, delay_std, longest_gap, at_their_pace), Even()
+    pairing = _Pairing(delay, delay_std, longest_gap, at_their_pace)
+    batches, of_bursts = evened(batches)
     before: Streams | None = None
-    for batch in even.batches(batches):
+    for batch in batches:
         if before is not None:
             yield pairing.with_batch(before, is_last=False)
         before = batch
     if before is not None:
         whole = pairing.with_batch(before, is_last=True)
-        yield replace(whole, notes=(*even.notes, *whole.notes))
+        yield replace(whole, notes=(*of_bursts, *whole.notes))
 
 
 class _Pairing:
