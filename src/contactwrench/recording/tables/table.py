@@ -245,7 +245,7 @@ def rotations(
     columns: Sequence[Column],
     values: Array,
     body: Body,
-    rows: NDArray[np.bool_] | NDArray[np.intp] | slice = slice(None),
+    rows: NDArray[np.bool_] | slice = slice(None),
 ) -> Array:
     """Rotations (n, 3, 3) of `values` (n, k) in SI, which are those `rows` of `body`. Raises `FileFormatError` naming
     row and columns of what is none, and of angles in rad beyond a whole turn.
@@ -256,12 +256,10 @@ def rotations(
             require_whole_turn(values)
         return convention.to_matrices(values)
     except InputError as error:
+        row = body.row_of(int(np.arange(len(body))[rows][error.row or 0]))
         names = ",".join(with_slices(column.name for column in columns))
-        where = ""
-        if error.row is not None:
-            where = f"row {body.row_of(int(np.arange(len(body))[rows][error.row]))}, "
         said = str(error).replace(f"orientation {error.row} is", "found", 1)
-        raise FileFormatError(f"{body.source}: {where}columns {names}: {said}") from None
+        raise FileFormatError(f"{body.source}: row {row}, columns {names}: {said}") from None
 
 
 def merged(wrenches: Iterator[Table], poses: Iterator[Table]) -> Iterator[tuple[Table, Table]]:
