@@ -198,17 +198,14 @@ class _Pairing:
         arcs = arcs_through(orientations.R_base_flange[nodes.index])
         arc, between_nodes = _interval(nodes.t, tau)
         step, between_rows = _interval(t, tau)
-        reason = np.full(n, -1)
-        for code, applies in enumerate(
-            (
-                ~np.isfinite(readings.wrench).all(axis=1),
-                tau < t[0],
-                tau > t[-1],
-                between_rows & (np.diff(t) > self._longest_gap)[step],
-                between_nodes & (arcs.angle > LARGEST_TURN)[arc],
-            )
-        ):
-            reason[(reason < 0) & applies] = code
+        applies = [
+            ~np.isfinite(readings.wrench).all(axis=1),
+            tau < t[0],
+            tau > t[-1],
+            between_rows & (np.diff(t) > self._longest_gap)[step],
+            between_nodes & (arcs.angle > LARGEST_TURN)[arc],
+        ]
+        reason = np.select(applies, [*range(len(REASONS))], -1)
         for what, start, end in ((GAP, t[step], t[step + 1]), (TURN, nodes.t[arc], nodes.t[arc + 1])):
             inside = reason == REASONS.index(what)
             for a, b in zip(start[inside].tolist(), end[inside].tolist(), strict=True):
