@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError, InputError
-from ..geometry.arrays import Array
-from ..samples.accelerometer import AccelerometerStream, with_accelerometer
+from ..samples.accelerometer import AccelerometerStream
 from ..samples.bursts import bursts_in, spread
-from ..samples.samples import Samples
 from .bags.messages import ACCELERATIONS, XYZ, numbers
 from .bags.open import is_bag, messages, opened_bag
 from .bags.topics import IMU_FLAG, named_topic
@@ -21,7 +19,7 @@ from .options import Options
 from .tables.columns import AS_NAMED, Column, Naming, listed
 from .tables.roles import time_columns
 from .tables.table import SUFFIXES as SUFFIXES_OF_TABLES
-from .tables.table import in_seconds, in_si, open_table
+from .tables.table import in_seconds, open_table, whole_columns
 
 OF_AXIS = re.compile(r"(?!.*angular)(?:.*[/._ ])?(?:linear_?)?a(?:cc(?:el(?:eration)?)?)?[/._ ]?([xyz])", re.IGNORECASE)
 """The column of an axis, as ax, acc_x, accel_x, linear_acceleration.x."""
@@ -40,11 +38,6 @@ def accelerometer_of(path: str | Path, options: Options) -> AccelerometerStream 
     else:
         stream = _of_table(path, options.imu, options)
     return replace(stream, t=spread(stream.t, bursts_in(stream.t)))
-
-
-def with_accelerations(samples: Samples, stream: AccelerometerStream | None) -> Samples:
-    """The samples with an accelerometer's readings beside them, if there are both, which have times in common."""
-    return samples if stream is None or not len(samples) else with_accelerometer(samples, stream)
 
 
 def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:
@@ -71,14 +64,8 @@ def _of_table(path: str | Path, columns: str | None, naming: Naming) -> Accelero
     t = time_columns(table, naming)
     if not t:
         raise FileFormatError(f"{path}: found no column t, expected the time of each acceleration: add it")
-    times: list[Array] = []
-    reading: list[Array] = []
-    for body in table.bodies((*t, *axes)):
-        of_times, of_axes = in_si(body, (t, axes), axes)
-        seconds = in_seconds(of_times, t)
-        times += [] if seconds is None else [seconds]
-        reading.append(of_axes)
-    return AccelerometerStream(np.concatenate(times), np.concatenate(reading), str(path))
+    of_times, reading = whole_columns(table, t, axes, may_lack=axes)
+    return AccelerometerStream(np.asarray(in_seconds(of_times, t)), reading, str(path))
 
 
 def _named_alike(names: list[str]) -> list[str]:

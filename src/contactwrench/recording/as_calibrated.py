@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from pathlib import Path
 from shlex import join
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -39,20 +39,13 @@ OF_COLUMNS = ("units", "hdf5", "orientation", "wrench_columns", "time_column")
 OF_POSE = ("pose_topic", "frames", "robot")
 """Where a bag has its pose: stated together, and so taken together."""
 
-GOES_WITH = {
-    "sign": "wrench_columns",
-    "wrench_frame": "wrench_columns",
-    "inverse_orientation": "orientation",
-    "units": "wrench_columns",
+ASKED_FOR = {
+    "sign": ("wrench_columns", "--sign pull"),
+    "wrench_frame": ("wrench_columns", "--wrench-frame sensor"),
+    "inverse_orientation": ("orientation", "--no-inverse-orientation"),
+    "units": ("wrench_columns", "--units force=N,torque=Nm"),
 }
-"""By which option of the columns a table shows that it is written as another one."""
-
-OTHERWISE = {
-    "sign": "--sign pull",
-    "wrench_frame": "--wrench-frame sensor",
-    "inverse_orientation": "--no-inverse-orientation",
-    "units": "--units force=N,torque=Nm",
-}
+"""By which option of the columns a table shows that it is written as another one; and what says so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +57,8 @@ class AsCalibrated:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Taken:
-    """Options of the calibration that fit, those of them that would be so `anyhow`, and the base that is named."""
-
-    values: dict[str, Any]
-    anyhow: frozenset[str]
-    base_frame: str | None = None
+_Taken: TypeAlias = tuple[dict[str, Any], frozenset[str], str | None]
+"""Options of the calibration that fit, those of them that would be so anyhow, and the base that is named."""
 
 
 def as_calibrated(
@@ -86,31 +74,33 @@ def as_calibrated(
     was_bag = "wrench_topic" in known if known.keys() & {"orientation", "wrench_topic"} else is_bag
     fitting = left_open if was_bag == is_bag else {}
     numbered = str(calibration.provenance.get("numbered", ""))
-    taken = _of_bag(path, options, stated, fitting) if is_bag else _of_table(path, options, fitting, numbered)
-    read = replace(options, **taken.values)
+    completed = _of_bag(path, options, stated, fitting) if is_bag else _of_table(path, options, fitting, numbered)
+    taken, anyhow, named_base = completed
+    read = replace(options, **taken)
     others = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
     changed = set(others)
     meant = {n: value for n, value in left_open.items() if n in OF_MEANING and value != getattr(AS_USUAL, n)}
     by_names = not (is_bag or was_bag or read.wrench_columns or "units" in others)
-    units = taken.values.get("units", "")
+    units = taken.get("units", "")
     asked = meant | ({"units": units} if "force" in units or "torque" in units else {})
     if asked and by_names and _wrench_has_other_names(path, read, calibration):
         changed.add("wrench_columns")
     for name, value in asked.items():
-        if was_bag != is_bag or GOES_WITH[name] in changed:
+        shown_by, otherwise = ASKED_FOR[name]
+        if was_bag != is_bag or shown_by in changed:
             found = "other columns" if was_bag == is_bag else "a bag" if is_bag else "a table"
             raise InputError(
                 f"{name_of(path)}: found {found}, and a calibration read with {_options({name: value})}, expected to "
-                f"be told whether that holds here: repeat it, or say {OTHERWISE[name]}"
+                f"be told whether that holds here: repeat it, or say {otherwise}"
             )
     read = replace(read, **meant)
     if not (is_bag or was_bag):
         _require_units(path, read, calibration.provenance)
-    taken_on = {name: value for name, value in taken.values.items() if name not in taken.anyhow} | meant
+    taken_on = {name: value for name, value in taken.items() if name not in anyhow} | meant
     notes = [f"read as the calibration was: {_options(taken_on)}"] if taken_on else []
     notes += _differences(options, stated, known, {name: fitting[name] for name in others if name in fitting})
     if not gravity_stated:
-        frame = None if read.inverse_orientation else taken.base_frame  # which names the flange then
+        frame = None if read.inverse_orientation else named_base  # which names the flange then
         calibration, of_base = in_base_of_recording(calibration, options.base_frame or frame, str(path))
         notes += [of_base] if of_base is not None else []
     doubts = [finding.brief for finding in calibration.findings if finding.severity == calibration.verdict]
@@ -170,10 +160,10 @@ def _of_table(path: Path, options: Options, known: Mapping[str, Any], numbered: 
                 roles = _roles(path, replace(options, **values))
                 if not set(map(str, roles.numbered)) <= set(numbered.split(",")):
                     continue
-                return _Taken(values, _orientation_anyhow(path, options, values))
+                return values, _orientation_anyhow(path, options, values), None
     if names:
         _roles(path, options)  # complains of a table that is none
-    return _Taken({}, frozenset())
+    return {}, frozenset(), None
 
 
 def _wrench_has_other_names(path: Path, options: Options, calibration: Calibration) -> bool:
@@ -232,7 +222,7 @@ def _of_bag(path: Path, options: Options, stated: Collection[str], known: Mappin
                 raise
             raise type(error)(f"{error} (as the calibration was read: {_options(values)})") from None
         anyhow = frozenset(_topics_anyhow(bag, values, wrench, pose[0]))
-        return _Taken(values, anyhow, base_frame(bag, pose, read.frames, arm))
+        return values, anyhow, base_frame(bag, pose, read.frames, arm)
 
 
 def _topics_anyhow(bag: Bag, values: Mapping[str, Any], wrench: Topic, pose: Topic) -> Iterator[str]:

@@ -25,12 +25,13 @@ from ..errors import InputError
 from ..estimation.calibrate import calibrate
 from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY, DURATION
+from ..samples.accelerometer import with_accelerometer
 from ..samples.bursts import bursts_in, even_rows, spread
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
 from ..samples.synchronize import NOT_A_NUMBER, Synchronized, synchronized
 from ..samples.timestamps import rate_of, spread_evenly
-from .accelerations import accelerometer_of, with_accelerations
+from .accelerations import accelerometer_of
 from .in_doubt import InDoubt, OffThroughout, StuckReadings
 from .options import Options
 from .read import Block, are_pairs, as_streams, batches, blocks, samples_of, telling
@@ -154,7 +155,7 @@ def _row_by_row(
                 yield samples_of(block)
 
     for samples in telling(readings(), path, options, note):
-        table, rows = read[0], _plain(tool, with_accelerations(samples, imu), treatment)
+        table, rows = read[0], _plain(tool, with_accelerometer(samples, imu), treatment)
         off.add(rows)
         if len(rows) < len(table) and table.t is not None:
             lacks, lacking = ~table.has_reading, lacking + len(table) - len(rows)
@@ -205,7 +206,7 @@ def _paired(
             fast=None if many or compiled.cache_info().currsize else False,  # few are done before it is compiled
         )
     for part in chain(begun, parts):
-        samples = with_accelerations(part.samples, imu)
+        samples = with_accelerometer(part.samples, imu)
         wrenches = stuck.marked(_of_samples(calibration, compensator, samples, treatment), samples)
         if compensator is None:
             off.add(wrenches)

@@ -238,16 +238,18 @@ def _of_wrench(stated_frame: str, in_rows: bool) -> Iterator[WrenchInterpretatio
 
 def _axes(frame: str) -> Iterator[tuple[tuple[str, ...], float, Array]]:
     """Axes exchanged, reversed or renamed: of force and torque alike, or of one of them."""
+    from scipy.linalg import block_diag
+
     same = np.eye(3)
     yield (), 0.0, np.eye(6)
     for words, R in _axis_changes():
-        yield (words.format("fx", "fy", "fz"),), ONE_KIND, _blocks(R, same)
+        yield (words.format("fx", "fy", "fz"),), ONE_KIND, block_diag(R, same)
     for words, R in _axis_changes():
         force, torque = (words.format(*(kind + axis for axis in "xyz")) for kind in "ft")
-        yield (torque,), ONE_KIND, _blocks(same, R)
+        yield (torque,), ONE_KIND, block_diag(same, R)
         if frame == "base" or np.linalg.det(R) < 0.0:  # in the sensor's axes a rotation of all is another mounting
-            yield (force, torque), BOTH_KINDS, _blocks(R, R)
-    yield ("tx, ty and tz reversed",), TORQUE_REVERSED, _blocks(same, -same)
+            yield (force, torque), BOTH_KINDS, block_diag(R, R)
+    yield ("tx, ty and tz reversed",), TORQUE_REVERSED, block_diag(same, -same)
     yield ("force and torque exchanged",), BOTH_KINDS, np.roll(np.eye(6), 3, axis=0)
 
 
@@ -260,11 +262,6 @@ def _axis_changes() -> Iterator[tuple[str, Array]]:
         yield f"{{{axis}}} reversed", np.diag(1.0 - 2.0 * same[axis])
     yield "{0}, {1}, {2} written as {2}, {0}, {1}", same[[1, 2, 0]]
     yield "{0}, {1}, {2} written as {1}, {2}, {0}", same[[2, 0, 1]]
-
-
-def _blocks(of_force: Array, of_torque: Array) -> Array:
-    zero = np.zeros((3, 3))
-    return np.block([[of_force, zero], [zero, of_torque]])
 
 
 def _other_torque_unit(torque: tuple[Column, ...]) -> TorqueUnit:

@@ -13,12 +13,13 @@ import numpy as np
 
 from ..errors import FileFormatError, InputError
 from ..files import name_of
+from ..samples.accelerometer import with_accelerometer
 from ..samples.bursts import even_rows
 from ..samples.limits import at_limit
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.timestamps import begins_anew, counted_on
-from .accelerations import accelerometer_of, with_accelerations
+from .accelerations import accelerometer_of
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .bags.read import bag_batches, pose_in_doubt
 from .options import AS_USUAL, Options
@@ -127,7 +128,7 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
     many readings at a limit, which leave too little of what will be asked for.
     """
     samples, notes = even_rows(samples)
-    samples = with_accelerations(samples, accelerometer_of(path, options))
+    samples = with_accelerometer(samples, accelerometer_of(path, options))
     if begins_anew(samples) and is_stream(samples):
         samples, anew = counted_on(samples)
         notes += anew
@@ -137,14 +138,12 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell,
         samples = replace(samples, saturated=at_limit(samples.wrench))
     if samples.saturated is not None and samples.saturated.sum() > MANY_AT_A_LIMIT * len(samples):
         tell(f"{samples.unsaturated()[1][0]}: set the sensor's range larger, or load it less")
-    if read_as_bag(path, options):
-        if said := pose_in_doubt(path, options):
-            tell(said)
-        return samples
-    if said := times_in_doubt(path, options, samples.t):
+    is_one = read_as_bag(path, options)
+    if said := pose_in_doubt(path, options) if is_one else times_in_doubt(path, options, samples.t):
         tell(said)
-    doubt = angles_in_doubt(options.pose_file or path, options) if turns_little(samples.R_base_flange) else ""
-    return replace(samples, doubt=doubt) if doubt else samples
+    if is_one or not turns_little(samples.R_base_flange):
+        return samples
+    return replace(samples, doubt=angles_in_doubt(options.pose_file or path, options))
 
 
 def telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:

@@ -14,7 +14,7 @@ from ..geometry.arrays import Array
 from .tables.columns import Naming
 from .tables.orientations import numbered_angles, orientation_columns
 from .tables.roles import position_columns, time_columns
-from .tables.table import in_seconds, in_si, open_table, rotations
+from .tables.table import in_seconds, in_si, open_table, rotations, whole_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,7 @@ def read_target_poses(path: str | Path, joint_count: int, orientation: str = "au
     t_columns = time_columns(table, naming)
     joint_columns = numbered_angles(table, names)
     if joint_columns:
-        blocks = [in_si(body, (t_columns, joint_columns)) for body in table.bodies([*t_columns, *joint_columns])]
-        t, joints = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+        t, joints = whole_columns(table, t_columns, joint_columns)
         return TargetPoses(joints, np.empty((0, 3, 3)), None, in_seconds(t, t_columns))
     with _or_joint_angles(names):
         convention, angles = orientation_columns(table, naming)

@@ -79,11 +79,8 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 
 def _unseen(d: Diagnosis) -> list[str]:
     """What the tool would be in other units, and with the torques as stated reversed, the most plausible first."""
-    units = [each for each in d.unseen if not each.odd and not each.label.endswith(f", {REVERSED}")]
-    shown = [
-        *(each for each in units if each.label != REVERSED),
-        *(each for each in d.unseen if each.label == REVERSED),
-    ]
+    units = [each for each in d.unseen if not each.odd and not each.label.endswith(REVERSED)]
+    shown = [*units, *(each for each in d.unseen if each.label == REVERSED)]
     if not shown:
         return []
     lines = ["", f"Free air cannot tell these from the first ({d.best.odd or 'plausible'}) either; weigh the tool:"]

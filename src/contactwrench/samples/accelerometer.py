@@ -106,11 +106,12 @@ class Accelerometer(Frozen):
         return specific_force + gravity @ R_base_flange
 
 
-def with_accelerometer(samples: Samples, stream: AccelerometerStream) -> Samples:
-    """The samples with what the accelerometer read at their times, between its rows; NaN in its gaps.
-
-    Raises `InputError` where the two have no common span.
+def with_accelerometer(samples: Samples, stream: AccelerometerStream | None) -> Samples:
+    """The samples with what the accelerometer read at their times, between its rows; NaN in its gaps; as they are where
+    there is none, or no sample. Raises `InputError` where the two have no common span.
     """
+    if stream is None or not len(samples):
+        return samples
     known = np.isfinite(stream.reading).all(axis=1) & np.isfinite(stream.t)
     t, reading = stream.t[known], stream.reading[known]
     order = np.argsort(t, kind="stable")

@@ -107,35 +107,24 @@ def even_rows(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
     return replace(samples, t=spread(samples.t, bursts)), (bursts.in_words("recording"),)
 
 
-class Even:
-    """A recording in batches, of which those streams that came in bursts are spread evenly; `notes` say so."""
+def evened(batches: Iterable[Streams]) -> tuple[Iterator[Streams], tuple[str, ...]]:
+    """The rows of a recording in batches, in which those streams that came in bursts are spread evenly, and what there
+    is to say of that; a burst that is not whole yet comes with the next batch. Raises `InputError` for the stamps of a
+    stream that came in bursts, where these cannot be put in order.
+    """
+    coming, first = iter(batches), list[Streams]()
+    for batch in coming:
+        first.append(batch)
+        lasts = [float(t[-1] - t[0]) if len(t) else 0.0 for t in _stamps_of(first)]
+        if min(lasts) > JUDGED_BY or max(lasts) > LOOKED_AHEAD:
+            break
+    wrench, orientation = map(_Handed, ("wrench", "orientation"), _stamps_of(first))
+    notes, every = (*wrench.notes, *orientation.notes), chain(first, coming)
 
-    def __init__(self) -> None:
-        self.notes: tuple[str, ...] = ()
-
-    def whole(self, streams: Streams) -> Streams:
-        """A recording that is there as a whole."""
-        return next(self.batches([streams]))
-
-    def batches(self, batches: Iterable[Streams]) -> Iterator[Streams]:
-        """The same rows; a burst that is not whole yet comes with the next batch. Raises `InputError` for the stamps of
-        a stream that came in bursts, where these cannot be put in order.
-        """
-        coming, first = iter(batches), list[Streams]()
-        for batch in coming:
-            first.append(batch)
-            lasts = [float(t[-1] - t[0]) if len(t) else 0.0 for t in _stamps_of(first)]
-            if min(lasts) > JUDGED_BY or max(lasts) > LOOKED_AHEAD:
-                break
-        wrench, orientation = map(_Handed, ("wrench", "orientation"), _stamps_of(first))
-        self.notes = (*wrench.notes, *orientation.notes)
-        rest = chain(first, coming)
-        if not self.notes:
-            yield from rest
-            return
-        now = next(rest, None)
+    def with_bursts_spread() -> Iterator[Streams]:
+        now = next(every, None)
         while now is not None:
-            following = next(rest, None)
+            following = next(every, None)
             is_last = following is None
             yield replace(
                 now,
@@ -143,6 +132,8 @@ class Even:
                 orientation=orientation.spread(now.orientation, is_last),
             )
             now = following
+
+    return with_bursts_spread() if notes else every, notes
 
 
 def _stamps_of(batches: list[Streams]) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
 from ..geometry.wrench import unit_direction
 from .buffer import nodes_of, with_batch
-from .bursts import Even
+from .bursts import evened
 from .delay_fit import GRID, DelayFit, Scan, fitted, scans, standard_deviation
 from .motion import ArmMotion, arm_motion
 from .samples import OrientationStream, Samples, Streams, WrenchStream
@@ -98,7 +98,8 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     stated = unit_direction(gravity)
     if not 0.0 < within < np.inf:
         raise InputError(f"within is {within!r}, expected s above 0")
-    buffer = with_batch(None, Even().whole(streams))
+    (streams,), _ = evened([streams])
+    buffer = with_batch(None, streams)
     for stamps in (buffer.wrench_stamps, buffer.orientation_stamps):
         require_times(stamps)
     require_common_span(buffer.wrench_stamps, buffer.orientation_stamps, 0.0)
@@ -219,11 +220,10 @@ def on_one_clock(streams: Streams) -> tuple[Samples, tuple[str, ...]]:
     Raises:
         InputError: as `estimate_delay` and `synchronize` raise it.
     """
-    even = Even()
-    streams = even.whole(streams)
+    (streams,), of_bursts = evened([streams])
     delay = _delay_of_free_readings(streams)
     paired = synchronize(streams, delay.value if delay.significant else 0.0, at_their_pace=True)
-    return _with_delay(paired.samples, delay), (*even.notes, delay_in_words(delay), *paired.notes)
+    return _with_delay(paired.samples, delay), (*of_bursts, delay_in_words(delay), *paired.notes)
 
 
 def _delay_of_free_readings(streams: Streams) -> Delay:

@@ -261,8 +261,6 @@ def blocks_of(samples: Samples) -> tuple[float, list[Blocks]]:
     if not (step > 0.0).any():
         return 0.0, []
     gap = (step < 0.0) | (step > max(LONGEST_GAP, GAP_IN_ROWS * float(np.median(step[step > 0.0]))))
-    if gap.all():
-        return 0.0, []
     period = float(step[~gap].mean())
     if samples.load_mass is not None:
         gap |= np.diff(samples.load_mass) != 0.0

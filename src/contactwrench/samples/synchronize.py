@@ -18,7 +18,7 @@ from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import arcs_through
 from ..statistics import counted
 from .buffer import Buffer, Nodes, Readings, nodes_at_pace, nodes_of, with_batch
-from .bursts import Even
+from .bursts import evened
 from .samples import ReadAs, Samples, Streams
 from .timestamps import default_gap, notes_of, require_common_span, require_times
 
@@ -117,15 +117,16 @@ def synchronized(
         raise InputError(f"delay is {delay!r}, expected s")
     if longest_gap is not None and not longest_gap > 0.0:
         raise InputError(f"longest_gap is {longest_gap!r}, expected s above 0")
-    pairing, even = _Pairing(delay, delay_std, longest_gap, at_their_pace), Even()
+    pairing = _Pairing(delay, delay_std, longest_gap, at_their_pace)
+    batches, of_bursts = evened(batches)
     before: Streams | None = None
-    for batch in even.batches(batches):
+    for batch in batches:
         if before is not None:
             yield pairing.with_batch(before, is_last=False)
         before = batch
     if before is not None:
         whole = pairing.with_batch(before, is_last=True)
-        yield replace(whole, notes=(*even.notes, *whole.notes))
+        yield replace(whole, notes=(*of_bursts, *whole.notes))
 
 
 class _Pairing:
@@ -197,17 +198,14 @@ class _Pairing:
         arcs = arcs_through(orientations.R_base_flange[nodes.index])
         arc, between_nodes = _interval(nodes.t, tau)
         step, between_rows = _interval(t, tau)
-        reason = np.full(n, -1)
-        for code, applies in enumerate(
-            (
-                ~np.isfinite(readings.wrench).all(axis=1),
-                tau < t[0],
-                tau > t[-1],
-                between_rows & (np.diff(t) > self._longest_gap)[step],
-                between_nodes & (arcs.angle > LARGEST_TURN)[arc],
-            )
-        ):
-            reason[(reason < 0) & applies] = code
+        applies = [
+            ~np.isfinite(readings.wrench).all(axis=1),
+            tau < t[0],
+            tau > t[-1],
+            between_rows & (np.diff(t) > self._longest_gap)[step],
+            between_nodes & (arcs.angle > LARGEST_TURN)[arc],
+        ]
+        reason = np.select(applies, [*range(len(REASONS))], -1)
         for what, start, end in ((GAP, t[step], t[step + 1]), (TURN, nodes.t[arc], nodes.t[arc + 1])):
             inside = reason == REASONS.index(what)
             for a, b in zip(start[inside].tolist(), end[inside].tolist(), strict=True):

@@ -127,15 +127,18 @@ def require_common_span(wrench: Stamps, orientation: Stamps, delay: float) -> No
     end = min(wrench.latest - delay, orientation.latest)
     shorter = min(wrench.latest - wrench.first, orientation.latest - orientation.first)
     begun_together = abs(wrench.first - orientation.first) <= shorter
-    another = begun_together and _another_unit(wrench, orientation)
-    if end - start >= LEAST_COMMON * shorter and end >= start and not another:
+    another = _another_unit(wrench, orientation)
+    if end - start >= LEAST_COMMON * shorter and end >= start and not (begun_together and another):
         return
     common = "nothing" if end < start else f"only {end - start:.3g} s"
     behind = f", with a delay of {1e3 * delay:.3g} ms," if delay else ""
+    remedy = "record both with one clock, or correct the stamps of one"
+    if (wrench.first > UNIX) != (orientation.first > UNIX):
+        remedy = "one clock counts from 1970 and one from the start, record both with one"
     raise InputError(
         f"{wrench.source}: the wrench goes from {_moment(wrench.first)} to {_moment(wrench.latest)}, the orientation "
         f"from {_moment(orientation.first)} to {_moment(orientation.latest)}{behind} and they have {common} in common: "
-        f"{_remedy(wrench, orientation)}"
+        f"{another or remedy}"
     )
 
 
@@ -232,14 +235,6 @@ def _another_unit(wrench: Stamps, orientation: Stamps) -> str:
                     f"their column t_{unit}"
                 )
     return ""
-
-
-def _remedy(wrench: Stamps, orientation: Stamps) -> str:
-    if another := _another_unit(wrench, orientation):
-        return another
-    if (wrench.first > UNIX) != (orientation.first > UNIX):
-        return "one clock counts from 1970 and one from the start, record both with one"
-    return "record both with one clock, or correct the stamps of one"
 
 
 def begins_anew(samples: Samples) -> bool:

@@ -100,10 +100,6 @@ class Damage:
         """Note what was read though it may be meant otherwise."""
         self._doubts[f"{self.source}: {sentence}"] = None
 
-    def end_missing(self) -> None:
-        """Note that the program that recorded it was ended from outside, and that all that it wrote is there."""
-        self.left_open = f"{self.source} was not closed, as when its program is killed: what it had written was read"
-
     @property
     def first(self) -> str:
         """What was found first, without its reason and what was expected; empty: nothing."""

@@ -69,11 +69,12 @@ class Mcap(ChunkedFile):
         start = start or foot
         if (code, length, magic) != (FOOTER, 20, MAGIC) or not len(MAGIC) <= start <= foot:
             written = self._written()
-            if written:
-                self.damage.end_missing()
-            else:
+            if not written:
                 self.damage.found("no index at its end", "a recording that was closed")
-            return written or self.size
+                return self.size
+            how = "was not closed, as when its program is killed: what it had written was read"
+            self.damage.left_open = f"{self.damage.source} {how}"
+            return written
         whole = not checksum or checksum == self._checksum(start, self.size - len(MAGIC) - 4)
         self._require(whole, "another checksum of its index", "the one that it states")
         self._read(start, foot)

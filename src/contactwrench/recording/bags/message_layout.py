@@ -9,7 +9,7 @@ own size, counted from behind the four bytes that state the byte order); ROS 1 t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from struct import unpack_from
@@ -32,8 +32,6 @@ ENCAPSULATION = 4
 """Bytes before a CDR message: the second says the order of bytes."""
 PARTS = 10_000
 """Parts that a message may have beside one a byte: empty types nested in each other have as many as one likes."""
-COMPARED = 10**7
-"""Messages times layouts of what is taken at once: 3,000 messages may be all different."""
 TRAILING = 3
 """Bytes that may follow a CDR message, so that its length is a multiple of four."""
 
@@ -47,6 +45,13 @@ class MessageLayout:
     numbers: dict[str, tuple[int, str, int]]
     texts: dict[str, str]
     shared: tuple[tuple[int, bytes], ...]
+
+    def fits(self, raw: Raw) -> NDArray[np.bool_]:
+        """Which messages (n,), all as long as the one it was found for, are of the layout."""
+        fitting = np.ones(len(raw), dtype=bool)
+        for offset, shared in self.shared:
+            fitting &= (raw.bytes_at(offset, len(shared)) == np.frombuffer(shared, np.uint8)).all(axis=1)
+        return fitting
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,32 +100,6 @@ def joined(payloads: list[bytes]) -> Raw:
     """Messages one behind the other."""
     length = np.fromiter(map(len, payloads), np.int64, len(payloads))
     return Raw(np.frombuffer(b"".join(payloads), np.uint8), np.cumsum(length) - length, length)
-
-
-def alike(
-    raw: Raw, layout_of: Callable[[bytes], MessageLayout], left_out: Callable[[int, InputError], None]
-) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
-    """The rows of `raw` by layout, which `layout_of` finds; one of which it raises `InputError` is `left_out`."""
-    compared = 0
-    for length in dict.fromkeys(raw.length.tolist()):
-        rows = np.flatnonzero(raw.length == length)
-        while len(rows):
-            compared += len(raw)
-            if compared > COMPARED:
-                raise InputError("found no messages alike in texts and lengths, expected most to be", int(rows[0]))
-            try:
-                layout = layout_of(raw.message(int(rows[0])))
-            except InputError as error:
-                left_out(int(rows[0]), error)
-                rows = rows[1:]
-                continue
-            same = np.ones(len(rows), dtype=bool)
-            candidates = raw[rows]
-            for offset, shared in layout.shared:
-                same &= (candidates.bytes_at(offset, len(shared)) == np.frombuffer(shared, np.uint8)).all(axis=1)
-            same[0] = True
-            yield rows[same], layout
-            rows = rows[~same]
 
 
 def layout_of_message(message: bytes, msgtype: str, types: Fields, cdr: bool) -> MessageLayout:

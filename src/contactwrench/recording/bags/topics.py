@@ -19,9 +19,7 @@ IMU_FLAG = "--imu"
 
 def wrench_topic(bag: Bag, name: str | None) -> Topic:
     """The topic of that name, or the only one with a wrench. Raises `FileFormatError` naming those there are."""
-    if name is not None:
-        return named_topic(bag, name, tuple(WRENCHES), WRENCH_FLAG)
-    return _only(bag, "a wrench", tuple(WRENCHES), WRENCH_FLAG, "the sensor's readings")
+    return _chosen(bag, name, "a wrench", tuple(WRENCHES), WRENCH_FLAG, "the sensor's readings")
 
 
 def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm: Arm | None) -> tuple[Topic, ...]:
@@ -33,9 +31,7 @@ def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm:
     if frames is not None:
         return _transform_topics(bag, name)
     if arm is not None:
-        if name is not None:
-            return (named_topic(bag, name, (JOINT_STATE,), POSE_FLAG),)
-        return (_only(bag, "joint states", (JOINT_STATE,), POSE_FLAG, "the arm's joints"),)
+        return (_chosen(bag, name, "joint states", (JOINT_STATE,), POSE_FLAG, "the arm's joints"),)
     if name is not None:
         topic = named_topic(bag, name, (*POSES, JOINT_STATE, *TRANSFORMS), POSE_FLAG)
         if topic.type not in POSES:
@@ -43,7 +39,7 @@ def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm:
         return (topic,)
     if not _with_messages(bag, tuple(POSES)) and (others := _with_messages(bag, (JOINT_STATE, *TRANSFORMS))):
         raise _flag_is_missing(bag, others)
-    return (_only(bag, "poses", tuple(POSES), POSE_FLAG, "the arm's pose"),)
+    return (_chosen(bag, None, "poses", tuple(POSES), POSE_FLAG, "the arm's pose"),)
 
 
 def other_poses(bag: Bag) -> tuple[str, ...]:
@@ -79,19 +75,19 @@ def named_topic(bag: Bag, name: str, types: tuple[str, ...], option: str) -> Top
     return recorded[0]
 
 
-def _only(bag: Bag, what: str, types: tuple[str, ...], option: str, content: str) -> Topic:
+def _chosen(bag: Bag, name: str | None, what: str, types: tuple[str, ...], option: str, content: str) -> Topic:
+    """The topic of that name, or the only one with messages of these types."""
+    if name is not None:
+        return named_topic(bag, name, types, option)
     recorded = _recorded(bag, types, f"with {content}")
     if len(recorded) > 1:
         listed = ", ".join(f"{topic.name} ({written(topic.type)}, {bag.counts[topic]} messages)" for topic in recorded)
+        measured = [t for t in recorded if NOT_MEASURED.isdisjoint(re.findall("[a-z]+", t.name.lower()))]
         raise FileFormatError(
             f"{bag.path}: found {len(recorded)} topics with {what}: {listed}, expected one: choose with {option} "
-            f"{min(recorded, key=_tells_of_no_readings).name}"
+            f"{(measured or recorded)[0].name}"
         )
     return recorded[0]
-
-
-def _tells_of_no_readings(topic: Topic) -> bool:
-    return not NOT_MEASURED.isdisjoint(re.findall("[a-z]+", topic.name.lower()))
 
 
 def _flag_is_missing(bag: Bag, topics: tuple[Topic, ...]) -> FileFormatError:

@@ -79,9 +79,10 @@ def chain(
     above_base, above_flange = _ancestors(bag, edges, base), _ancestors(bag, edges, flange)
     common = next((frame for frame in above_base if frame in above_flange), None)
     if common is None:
+        both = (f"{line[0]} is under {', '.join(line[1:]) or 'nothing'}" for line in (above_base, above_flange))
         raise FileFormatError(
             f"{bag.path}: found no chain from {base} to {flange}, expected transforms that connect them: "
-            f"{_under(base, above_base)}, {_under(flange, above_flange)}"
+            f"{', '.join(both)}"
         )
     up = above_base[: above_base.index(common) + 1]
     down = above_flange[: above_flange.index(common) + 1][::-1]
@@ -165,10 +166,6 @@ def _ancestors(bag: Bag, edges: dict[Link, Edge], frame: str) -> list[str]:
             )
         line.append(parents[0])
     return line
-
-
-def _under(frame: str, above: list[str]) -> str:
-    return f"{frame} is under {', '.join(above[1:])}" if len(above) > 1 else f"{frame} is under nothing"
 
 
 def _forwards(bag: Bag, link: Link, placements: Placements) -> Placements:

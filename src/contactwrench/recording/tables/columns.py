@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, some_of
 from ...geometry.arrays import Array
 from ...geometry.orientation import Convention
-from .units import per_si, symbol, unit_shown
+from .units import ANGLE, per_si, symbol
 
 ROWS = 2**15
 """Rows that are read at once: some 10 MB."""
@@ -212,7 +212,8 @@ def taken_for(columns: Sequence[Column]) -> str:
 
 
 def _of_one_kind(columns: Sequence[Column]) -> str:
-    units = [f" in {unit_shown(column.per_si, column.unit)}" if column.per_si != 1.0 else "" for column in columns]
+    of_angle = {per_si: unit for unit, per_si in ANGLE.items()}  # the only ones that nobody needs to state
+    units = [f" in {each.unit or of_angle[each.per_si]}" if each.per_si != 1.0 else "" for each in columns]
     names = [f'"{shown(column.name)}"' for column in columns]
     if columns[-1].role == NANOSECONDS:
         return f"t from {' and '.join(names)}"

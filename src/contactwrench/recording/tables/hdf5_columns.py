@@ -156,8 +156,12 @@ def bytes_at_once(dataset: Any) -> int:
 
 
 def holds_numbers(item: Any) -> TypeGuard[Any]:
-    """Whether something in a file is a dataset of numbers that has rows."""
-    return getattr(item, "shape", None) not in (None, ()) and item.dtype.kind in "fiub" and not holds_none(item)
+    """Whether something in a file is a dataset of numbers that has rows, and stand for nothing else: in MATLAB's those
+    of an empty array are its size.
+    """
+    if getattr(item, "shape", None) in (None, ()) or item.dtype.kind not in "fiub":
+        return False
+    return not is_of_matlab(item) or ("MATLAB_empty" not in item.attrs and item.attrs["MATLAB_class"] in CLASSES)
 
 
 def width_of(dataset: Any) -> int:
@@ -227,11 +231,6 @@ def _wrong_shape(dataset: Any, path: str, expected: str, source: str) -> FileFor
 def is_of_matlab(item: Any) -> bool:
     """Whether MATLAB wrote a dataset."""
     return "MATLAB_class" in getattr(item, "attrs", ())
-
-
-def holds_none(item: Any) -> bool:
-    """Whether the numbers of a dataset of MATLAB stand for something else, as the size of an empty array does."""
-    return is_of_matlab(item) and ("MATLAB_empty" in item.attrs or item.attrs["MATLAB_class"] not in CLASSES)
 
 
 class OfMatlab:

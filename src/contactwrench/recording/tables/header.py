@@ -17,7 +17,7 @@ from operator import attrgetter
 from ...errors import FileFormatError, InputError
 from .columns import NANOSECONDS, WRENCH_COLUMNS, Column, Naming, OpenTable, listed, shown, without_own_name
 from .names import ESTIMATES, QUANTITIES, SECONDS, VECTORS, Meaning, meaning, quantity_of, stated_unit
-from .units import UNITS, UNREADABLE, known_units, per_si, stated_units, symbol, unit_of
+from .units import UNITS, UNREADABLE, per_si, stated_units, symbol, unit_of
 
 LONGEST_SLICE = 1000
 """Elements of a list that an option may name at once."""
@@ -161,8 +161,8 @@ class Header:
         stated = "" if stated == UNREADABLE else stated
         if stated and stated not in UNITS[quantity]:
             raise FileFormatError(
-                f"{where}: found the unit {shown(stated)}, expected one of {known_units(quantity)}: convert the column "
-                f"to one of these, or rename it if {shown(stated)} is no unit"
+                f"{where}: found the unit {shown(stated)}, expected one of {', '.join(UNITS[quantity])}: convert the "
+                f"column to one of these, or rename it if {shown(stated)} is no unit"
             )
         if stated and by_option is not None and by_option != stated:
             raise FileFormatError(

@@ -267,15 +267,14 @@ def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row is the units of the columns: each cell a word for a unit, empty, or in brackets and no number."""
     words = [in_ascii(unit).strip("[]() ").lower().replace(" ", "") for unit in units]
     sure = all(
-        _is_unit(word) or NO_TEXT in word or (word != unit.lower() and (word == "1" or not is_number(word)))
-        for word, unit in zip(words, (unit.replace(" ", "") for unit in units), strict=True)
+        OTHER_UNITS.fullmatch(word)
+        or any(unit_of(quantity, word) for quantity in UNITS)
+        or NO_TEXT in word
+        or (word != unit.replace(" ", "").lower() and (word == "1" or not is_number(word)))
+        for word, unit in zip(words, units, strict=True)
     )
     known = any(word not in NO_UNIT and NO_TEXT not in word for word in words)
     return sure and known and len(units) == len(names)
-
-
-def _is_unit(word: str) -> bool:
-    return OTHER_UNITS.fullmatch(word) is not None or any(unit_of(quantity, word) for quantity in UNITS)
 
 
 def _decimal(data: Sequence[str], separator: str) -> str:

@@ -192,6 +192,12 @@ def in_si(body: Body, groups: Sequence[Sequence[Column]], may_lack: Sequence[Col
     return np.split(values, np.cumsum([len(group) for group in groups])[:-1].tolist(), axis=1)
 
 
+def whole_columns(table: OpenTable, *groups: Sequence[Column], may_lack: Sequence[Column] = ()) -> list[Array]:
+    """All rows of some groups of columns, as `in_si` gives those of a block."""
+    blocks = (in_si(body, groups, may_lack) for body in table.bodies([column for group in groups for column in group]))
+    return [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
+
+
 def _rows_there(
     body: Body, columns: Sequence[Column], values: Array, core: int, *, may_be_half: bool = False
 ) -> NDArray[np.bool_]:
@@ -239,7 +245,7 @@ def rotations(
     columns: Sequence[Column],
     values: Array,
     body: Body,
-    rows: NDArray[np.bool_] | NDArray[np.intp] | slice = slice(None),
+    rows: NDArray[np.bool_] | slice = slice(None),
 ) -> Array:
     """Rotations (n, 3, 3) of `values` (n, k) in SI, which are those `rows` of `body`. Raises `FileFormatError` naming
     row and columns of what is none, and of angles in rad beyond a whole turn.
@@ -250,12 +256,10 @@ def rotations(
             require_whole_turn(values)
         return convention.to_matrices(values)
     except InputError as error:
+        row = body.row_of(int(np.arange(len(body))[rows][error.row or 0]))
         names = ",".join(with_slices(column.name for column in columns))
-        where = ""
-        if error.row is not None:
-            where = f"row {body.row_of(int(np.arange(len(body))[rows][error.row]))}, "
         said = str(error).replace(f"orientation {error.row} is", "found", 1)
-        raise FileFormatError(f"{body.source}: {where}columns {names}: {said}") from None
+        raise FileFormatError(f"{body.source}: row {row}, columns {names}: {said}") from None
 
 
 def merged(wrenches: Iterator[Table], poses: Iterator[Table]) -> Iterator[tuple[Table, Table]]:

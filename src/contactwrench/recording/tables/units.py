@@ -88,7 +88,7 @@ def stated_units(text: str | None) -> dict[str, str]:
             raise InputError(f"--units is {text!r}, expected each of {', '.join(FOR_UNITS)} once at most, as force=kgf")
         unit = unit_of(quantity, spelled)
         if unit is None:
-            raise InputError(f"--units: found {quantity}={spelled}, expected one of {known_units(quantity)}")
+            raise InputError(f"--units: found {quantity}={spelled}, expected one of {', '.join(UNITS[quantity])}")
         stated[quantity] = unit
     return stated
 
@@ -96,16 +96,6 @@ def stated_units(text: str | None) -> dict[str, str]:
 def symbol(unit: str) -> str:
     """A unit as a suffix of a column's usual name spells it: `nmm`."""
     return unit.replace(" ", "").lower()
-
-
-def unit_shown(per_si: float, unit: str) -> str:
-    """A unit that is not of SI, as a message names it; angles without a unit are in degrees."""
-    return unit if unit else next(name for name, (per, _) in UNITS["angle"].items() if per == per_si)
-
-
-def known_units(quantity: str) -> str:
-    """The units of a quantity, as a message lists them."""
-    return ", ".join(UNITS[quantity])
 
 
 def in_ascii(text: str) -> str:

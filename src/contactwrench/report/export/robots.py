@@ -70,6 +70,9 @@ def _franka(payload: Payload, _: Calibration) -> Parameters:
     """
     mass, com = fixed(payload.mass, 8), _listed(payload.com)
     inertia = _listed(np.zeros(9) if payload.inertia is None else payload.inertia.T.ravel())
+    of_a_point = (
+        "whether a robot takes moments of inertia of 0 is not published: should it refuse, write 0.001 on the diagonal"
+    )
     return payload.parameters(
         f"mass: {mass}\ncenter_of_mass: [{com}]\nload_inertia: [{inertia}]\n",
         "m",
@@ -80,13 +83,7 @@ def _franka(payload: Payload, _: Calibration) -> Parameters:
         "franka_msgs/srv/SetLoad; in ROS 1 center_of_mass is called F_x_center_load",
         "what stays on the flange may as well be Desk's end effector, with these numbers; the robot adds the two "
         "(m_total = m_ee + m_load): never both",
-        *(
-            [
-                "whether a robot takes moments of inertia of 0 is not published: should it refuse, write 0.001 on the "
-                "diagonal"
-            ]
-            * (payload.inertia is None)
-        ),
+        *([of_a_point] if payload.inertia is None else []),
         "O_T_EE is the end effector's orientation: recorded with another F_T_EE than the flange's own axes (a Franka "
         "Hand: turned by -45 deg about z), turn center_of_mass and load_inertia by the rotation in F_T_EE",
     )
