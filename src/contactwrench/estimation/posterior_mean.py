@@ -66,11 +66,12 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes[:6], 1)
     from_parameters = matrix_jacobian(moved, names)
     of_B = _of_gain(problem, tables, weight)
-    known = rows_of(problem.question.knowledge, moved, names).jacobian
+    known, hidden = rows_of(problem.question.knowledge, moved, names).jacobian, np.zeros_like(covariance)
     if of_B.any():
         follows = np.eye(len(names)) - covariance @ known.T @ known  # less, the better something else tells it
         hidden = follows @ _hidden_in_parameters(of_B, moved, from_parameters, np.sqrt(np.diag(covariance))) @ follows.T
-        covariance, of_B = covariance + hidden, of_B - from_parameters @ hidden @ from_parameters.T
+        of_B = of_B - from_parameters @ hidden @ from_parameters.T
+    covariance = covariance + hidden
     covariance = 0.5 * (covariance + covariance.T)
     variance = weight @ np.concatenate([table.members.variance for table in tables])
     variance = variance * _noisier_alone(problem, first) + _of_what_differs_anew(problem, tables, weight)
@@ -92,7 +93,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         B_covariance=from_parameters @ covariance @ from_parameters.T,
         covariance=covariance,
         noise=np.sqrt(variance),
-        dof=_dof(problem, first, of_axes, spread, covariance),
+        dof=_dof(problem, first, of_axes, spread, covariance - hidden),
         kept=first.kept,
         errors=errors,
         held_out=None if plain else deleted_errors(problem, first),
