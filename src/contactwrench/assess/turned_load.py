@@ -19,9 +19,6 @@ from ..statistics import two_digits
 USUAL_GAIN, HEAVY = 0.005, 3.0
 """By how much sensors' gains are off; and times the tool's weight, from which on an object shows what that does not."""
 
-OF_NO_TOOL = 5.0
-"""Of the nine numbers of a force matrix, those that are no other weight and mounting, in whose errors the rest is."""
-
 
 def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
     """Gravity's force (n, 3) on the calibrated tool, N, sensor axes: it points down."""
@@ -60,7 +57,7 @@ def of_gain(calibration: Calibration, wrench: Array) -> Array:
     if calibration.gain_covariance is None:
         return np.zeros((len(wrench), 6, 0))
     of_force = np.diag(calibration.gain_covariance).reshape(6, 4)[:3, :3]
-    share = np.sqrt(max(float(np.sum(of_force)) / OF_NO_TOOL, 0.0)) / _weight(calibration)
+    share = np.sqrt(max(float(np.mean(of_force)), 0.0)) / _weight(calibration)
     unit = np.repeat([1.0, LEVER], 3)
     each = np.einsum("ab,nc->nabc", share * np.diag(unit), wrench / unit)
     return np.asarray(each.reshape(len(wrench), 6, 36))
