@@ -46,6 +46,10 @@ BY_FLAGS = {
     "an order that no brand uses": (Written(("a", "b", "c"), euler("XZX")), "--orientation euler:XZX:deg:a,b,c"),
     "kuka in rad": (Written(("a", "b", "c"), euler("ZYX", degrees=False)), "--orientation euler:ZYX:rad:a,b,c"),
     "scalar first": (Written(QUAT, lambda R: quat(R)[:, [3, 0, 1, 2]]), "--orientation quat_wxyz:qx,qy,qz,qw"),
+    "scalar first, as the reaction": (
+        Written(QUAT, lambda R: quat(R)[:, [3, 0, 1, 2]], lambda R, wrench: -wrench),
+        "--orientation quat_wxyz:qx,qy,qz,qw --sign reaction",
+    ),
     "scalar last under a header that puts it first": (
         Written(("qw", "qx", "qy", "qz"), quat),
         "--orientation quat_xyzw:qw,qx,qy,qz",
@@ -326,7 +330,7 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
     assert right.out.splitlines()[:5] == [
         "as given: 0.26 N left; no other interpretation explains it better: it is read rightly, units apart",
         "",
-        f"17 poses, 1872 interpretations tried, {PANDA}",
+        f"17 poses, 1248 interpretations tried, {PANDA}",
         "",
         "    N left  mN m left  weight N          com mm          interpretation",
     ]

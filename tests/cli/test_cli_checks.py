@@ -25,9 +25,9 @@ DIAGNOSE = "contactwrench diagnose tries the other ways to read it"
     ("required", "missed"),
     [
         ("0.7,0.9", ""),
-        ("0.9,1", "mass 0.7884 +- 0.0071 kg, expected 0.9 to 1"),
-        ("0.1, 0.7", "mass 0.7884 +- 0.0071 kg, expected 0.1 to 0.7"),
-        ("0.7,0.79", "mass 0.7884 +- 0.0071 kg, expected 0.7 to 0.79"),
+        ("0.9,1", "mass 0.7884 +- 0.0081 kg, expected 0.9 to 1"),
+        ("0.1, 0.7", "mass 0.7884 +- 0.0081 kg, expected 0.1 to 0.7"),
+        ("0.7,0.79", "mass 0.7884 +- 0.0081 kg, expected 0.7 to 0.79"),
     ],
     ids=["inside", "below", "above", "inside, but not by its std"],
 )

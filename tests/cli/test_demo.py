@@ -43,7 +43,7 @@ def test_it_writes_recordings_calibrations_contact_wrenches_and_one_report(demo:
 
 def test_it_says_what_the_results_mean(demo: tuple[Path, str]) -> None:
     _, words = demo
-    assert "A tool of 0.788 +- 0.007 kg; the set's authors found 0.788 kg" in words
+    assert "A tool of 0.788 +- 0.008 kg; the set's authors found 0.788 kg" in words
     assert "mounted flipped and turned by 10" in words
     assert "shows the tool 7 % lighter than along another" in words
     assert "Warning doubtful: no rigid tool explains these readings" in words

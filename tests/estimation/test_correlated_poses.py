@@ -57,3 +57,17 @@ def test_rows_on_the_way_are_found_beside_a_wrong_gain() -> None:
     )
     assert found is not None
     assert float(found[1]) > 0.8
+
+
+def test_cross_talk_that_reads_as_another_tool_is_in_the_std_of_a_long_one() -> None:
+    """What looks like another centre of mass, or mounting, leaves no trace in what the fit leaves."""
+    off = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        rig = replace(random_rig(rng), weight=45.0, com=np.array([0.03, -0.02, 0.14]), bias=np.zeros(6))
+        R = Rotation.random(12, random_state=rng).as_matrix()
+        wrench = _wrong(readings(rig, R), rng) + 0.01 * NOISE * rng.normal(size=(12, 6))
+        calibration = cw.calibrate(cw.Samples(wrench, R))
+        assert calibration.com is not None
+        off.append((calibration.com - rig.com) / calibration.std["com"])
+    assert np.sqrt(np.mean(np.square(off))) < 2.0

@@ -114,6 +114,19 @@ def test_a_new_zero_makes_no_sensor_exact() -> None:
     assert np.sqrt(np.mean((left / std) ** 2)) < 2.0
 
 
+def test_what_a_gain_reads_in_the_pose_of_a_new_zero_is_in_the_std_of_the_bias() -> None:
+    off = []
+    for seed in range(8):
+        rig, R, rng = example(seed, poses=13)
+        rig = replace(rig, weight=40.0)
+        wrong = 0.01 * rng.normal(size=(6, 6)) * np.outer([1.0] * 3 + [0.05] * 3, [1.0] * 3 + [20.0] * 3)
+        wrench = readings(rig, R) + (readings(rig, R) - rig.bias) @ wrong.T
+        wrench += 0.02 * NOISE * rng.normal(size=(13, 6))
+        now = cw.calibrate(cw.Samples(wrench[12:], R[12:]), prior=cw.calibrate(cw.Samples(wrench[:12], R[:12])))
+        off.append((now.bias - rig.bias) / now.std["bias"])
+    assert np.sqrt(np.mean(np.square(off))) < 1.3
+
+
 @pytest.mark.parametrize(
     ("own", "expected"),
     [

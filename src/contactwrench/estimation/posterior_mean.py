@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..calibration.findings import BIAS_MOVED, Kind
+from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
-from ..model import matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
+from ..model import RigidTool, matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
 from .beliefs import beliefs_of
 from .error_covariance import Turned, precision_times
 from .estimate import IN_DOUBT, RigidEstimate
@@ -63,11 +64,17 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     of_axes, spread = _of_axes(problem, first)
     of_axes = axes @ of_axes @ axes.T
     covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes[:6], 1)
+    from_parameters = matrix_jacobian(moved, names)
     of_B = _of_gain(problem, tables, weight)
+    known, hidden = rows_of(problem.question.knowledge, moved, names).jacobian, np.zeros_like(covariance)
+    if of_B.any():
+        follows = np.eye(len(names)) - covariance @ known.T @ known  # less, the better something else tells it
+        hidden = follows @ _hidden_in_parameters(of_B, moved, from_parameters, np.sqrt(np.diag(covariance))) @ follows.T
+        of_B = of_B - from_parameters @ hidden @ from_parameters.T
+    covariance = covariance + hidden
     covariance = 0.5 * (covariance + covariance.T)
     variance = weight @ np.concatenate([table.members.variance for table in tables])
     variance = variance * _noisier_alone(problem, first) + _of_what_differs_anew(problem, tables, weight)
-    from_parameters = matrix_jacobian(moved, names)
     best = first.best
     left_by, of_kernel, of_turns = explained(problem, first, best)
     errors = left_by - of_kernel * (first.kernel_of(best)[0].kind in NOT_LEFT)
@@ -75,7 +82,6 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     left = first.members.dof[best].reshape(2, 3).sum(axis=1)
     if first.members.robot[best] >= 0:  # which are of the noise alone
         left = np.full(2, max(3.0 * int(first.kept.sum()) - 0.5 * len(names), 0.0))
-    known = rows_of(problem.question.knowledge, moved, names).jacobian
     whitened = wrench_jacobian(moved, problem.R_base_flange[first.kept], names) / np.sqrt(variance)[:, None]
     rows = np.vstack([whitened.reshape(-1, len(names)), known])
     length = np.linalg.norm(rows, axis=0)
@@ -87,7 +93,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         B_covariance=from_parameters @ covariance @ from_parameters.T,
         covariance=covariance,
         noise=np.sqrt(variance),
-        dof=_dof(problem, first, of_axes, spread, covariance),
+        dof=_dof(problem, first, of_axes, spread, covariance - hidden),
         kept=first.kept,
         errors=errors,
         held_out=None if plain else deleted_errors(problem, first),
@@ -147,6 +153,19 @@ def _of_gain(problem: Problem, tables: list[Table], weight: Array) -> Array:
             best = int(own[np.argmax(table.members.log_evidence[own])])
             of_B += float(weight[here][own].sum()) * _slopes(problem, table, best)
     return of_B
+
+
+def _hidden_in_parameters(of_B: Array, tool: RigidTool, from_parameters: Array, std: Array) -> Array:
+    """What gain and cross-talk, which add `of_B` to the covariance of B, add to that (p, p) of the parameters, whose
+    `std` (p,) is known so far: as much as looks like another tool and mounting. Torques count by what a force does at
+    the tool's own lever.
+    """
+    lever = max(LEVER, float(np.linalg.norm(tool.com)))
+    counts = np.outer(np.repeat([1.0, 1.0 / lever], 3), [1.0, 1.0, 1.0, 0.0]).reshape(24, 1)
+    nearest = np.linalg.pinv(counts * from_parameters) * counts.T / std[:, None]
+    values, vectors = np.linalg.eigh(nearest @ of_B @ nearest.T)
+    root = std[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))  # in places gain explains, and lessens it
+    return np.asarray(root @ root.T)
 
 
 def _slopes(problem: Problem, table: Table, member: int) -> Array:

@@ -24,6 +24,7 @@ from ..geometry.orientation import nearest_rotations
 from ..geometry.rotations import rotation_log
 from ..geometry.wrench import cross_matrix, unit_direction
 from ..model import GRAVITY, LINEAR_PARAMETERS, MOUNT, RigidTool, horizontal_axes, mounting_turn
+from ..statistics import square_root
 from .noise import MOST_DOF, StatedNoise, variance_of_means
 
 LEAST_SHARE = 1e-6
@@ -270,13 +271,23 @@ def _require_same_gravity(prior: Calibration, stated: tuple[Any, Any] | None) ->
 
 def with_errors_of(calibration: Calibration, prior: Calibration | None) -> Calibration:
     """A calibration with what an earlier one found of the sensor's gain and the robot's orientation, so far as its own
-    poses say nothing of these: a new zero makes neither exact.
+    poses say nothing of these: a new zero makes neither exact, and is off by what a gain reads in its poses.
     """
     if prior is None:
         return calibration
     gain, turns = calibration.gain_covariance, calibration.orientation_std
+    covariance, of_B = calibration.covariance.copy(), calibration.B_covariance.copy()
+    if gain is None and (gain := prior.gain_covariance) is not None:
+        kept, many = [pose.R_base_flange for pose in calibration.fitted_poses], calibration.moments
+        mean = np.mean(kept, axis=0) if many is None else many.design[9, :9].reshape(3, 3) / many.n
+        of_mean = np.append(calibration.gravity_direction @ mean, 0.0)
+        root = np.kron(np.eye(6), of_mean) @ square_root(gain)  # read as a bias
+        covariance[4:10, 4:10] += root @ root.T
+        of_B[3::4, 3::4] += root @ root.T
     return replace(
         calibration,
-        gain_covariance=prior.gain_covariance if gain is None else gain,
+        covariance=covariance,
+        B_covariance=of_B,
+        gain_covariance=gain,
         orientation_std=prior.orientation_std if turns is None else turns,
     )

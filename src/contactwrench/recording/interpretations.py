@@ -87,7 +87,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     if written.stated is not None:
         candidates.append(OrientationInterpretation(stated_option, (), 0.0, written.stated))
     for columns, numbers in written.sets:
-        tried = _candidates(columns, numbers, written.convention, units.get("angle", ""))
+        tried = _candidates(columns, numbers, written, units.get("angle", ""))
         for option, of_angle, mends, cost, to_matrices, values in tried:
             with suppress(InputError):
                 stated = (f"--orientation {quote(option)}",)
@@ -118,9 +118,7 @@ def _rotations(rows: Written) -> Array | None:
     some = slice(None, None, 1 + len(rows.wrench) // ROWS_LOOKED_AT)
     tried: list[tuple[float, Callable[[Array], Array], Array]] = []
     for names, numbers in rows.sets:
-        attempts = [
-            (to_matrices, values) for *_, to_matrices, values in _candidates(names, numbers, rows.convention, "")
-        ]
+        attempts = [(to_matrices, values) for *_, to_matrices, values in _candidates(names, numbers, rows, "")]
         largest = max((float(np.abs(values).max(initial=0.0)) for _, values in attempts), default=0.0)
         for to_matrices, values in attempts:
             with suppress(InputError):
@@ -156,17 +154,16 @@ def _turned_and_shifted(
                 yield OrientationInterpretation(options, mends, cost, R[picked[there] - shift], rows, made.units)
 
 
-def _candidates(
-    names: tuple[str, ...], numbers: Array, stated: Convention | None, by_option: str
-) -> Iterator[_Attempt]:
-    """Angles; quaternions with their scalar in any place that a mistake brings it to; matrices by rows or columns."""
+def _candidates(names: tuple[str, ...], numbers: Array, written: Written, by_option: str) -> Iterator[_Attempt]:
+    """Angles; quaternions as named and as they stand in the file; matrices by rows or columns."""
     if (k := len(names)) == 3:
-        yield from _of_angles(names, numbers, stated, by_option)
+        yield from _of_angles(names, numbers, written.convention, by_option)
         return
-    as_they_stand = list(range(k))
-    another = {4: [3, 0, 1, 2], 16: [4 * i + j for j in range(4) for i in range(4)]}.get(k, as_they_stand)
+    as_named = list(range(k))
+    in_file = sorted(as_named, key=lambda place: written.places[names[place]])
+    another = {4: in_file, 16: [4 * i + j for j in range(4) for i in range(4)]}.get(k, as_named)
     for named in CONVENTIONS.values():
-        for order in (as_they_stand, another) if len(named.columns) == k else ():
+        for order in (as_named, another) if len(named.columns) == k else ():
             columns = tuple(names[place] for place in order)
             yield (_option(named, columns), "", (), NAMED, named.to_matrices, numbers[:, order])
 

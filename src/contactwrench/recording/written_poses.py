@@ -6,8 +6,8 @@ each visit for itself, so that what belongs to the next or the previous one can 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -39,10 +39,10 @@ class Written:
     """Contact-free rows of a recording as they stand, or poses of them: `wrench` (n, 6) N and N m, in the file's sign
     and axes; `t` (n,) s or None.
 
-    `sets` of columns that could be an orientation, by their names in the file, and their numbers (n, k): one that was
-    asked for or that the names tell, which `convention` makes the rotations `stated` (n, 3, 3) of, `in_degrees` or not;
-    else all; of a bag, whose messages say how they are meant, none. `complaint`: why there is no convention, or no
-    rotation. `in_rows`: whether each wrench came with an orientation of its own.
+    `sets` of columns that could be an orientation, by their names, whose `places` in the file are told, and their
+    numbers (n, k): one that was asked for or that the names tell, which `convention` makes the rotations `stated`
+    (n, 3, 3) of, `in_degrees` or not; else all; of a bag, whose messages say how they are meant, none. `complaint`: why
+    there is no convention, or no rotation. `in_rows`: whether each wrench came with an orientation of its own.
     """
 
     source: str
@@ -51,6 +51,7 @@ class Written:
     stated: Array | None
     wrench_columns: tuple[Column, ...] = ()
     sets: tuple[ColumnSet, ...] = ()
+    places: Mapping[str, int] = field(default_factory=dict)
     convention: Convention | None = None
     in_degrees: bool = False
     complaint: str | None = None
@@ -154,6 +155,7 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
         wrench=np.concatenate([block.wrench for block in blocks])[free],
         t=None if t is None else t[free],
         sets=tuple(zip(names, of_sets, strict=True)),
+        places={column.name: column.place for column in columns},
         convention=convention,
         in_degrees=any(column.per_si == ANGLE["deg"] for column in columns),
         stated=None if stated is None else stated[place],
