@@ -223,10 +223,13 @@ USAGE = [
     ),
     (["calibrate", PANDA, "--model"], "Option '--model' requires an argument: try 'contactwrench --help'"),
     (["compensate", PANDA, "-o", "-"], "Missing option '--calibration' / '-c': try 'contactwrench compensate --help'"),
-    (["live", "--speed", "fast"], "Invalid value for '--speed': expected a number: try 'contactwrench live --help'"),
+    (
+        ["live", "--speed", "a\\b"],
+        r"Invalid value for '--speed': found 'a\\b', expected a number: try 'contactwrench live --help'",
+    ),
     (
         ["simulate", "--seed", "1.5"],
-        "Invalid value for '--seed': expected a whole number: try 'contactwrench simulate --help'",
+        "Invalid value for '--seed': found '1.5', expected a whole number: try 'contactwrench simulate --help'",
     ),
     (
         ["lab", "--sensor", "foo"],

@@ -74,9 +74,9 @@ TRACEBACK = "CONTACTWRENCH_TRACEBACK"
 OF_TYPES = (
     ("Input should be a valid integer, .*", "expected a whole number"),
     ("Input should be a valid number, .*", "expected a number"),
-    ("Value error, (.*) is not one of ", r"found \1, expected one of "),
+    ("Value error, .* is not one of ", "expected one of "),
 )
-"""What typer says of an option of another type, and what this program does."""
+"""What typer says of an option of another type, and what this program does behind what it found."""
 OF_MEMORY = ("failed to map segment", "start new thread")
 """What else than a MemoryError says that there is too little: a library that is not loaded, a thread."""
 NO_MEMORY = (
@@ -148,8 +148,9 @@ def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
         context = getattr(error, "ctx", None)
         command = name if context is None else context.command_path
         message = " ".join(error.format_message().split()).rstrip(".")
+        found = "".join(f"found {wrong['input']!r}, " for wrong in getattr(error.__cause__, "errors", list)()[:1])
         for theirs, ours in OF_TYPES:
-            message = re.sub(theirs, ours, message)
+            message = re.sub(theirs, (found + ours).replace("\\", r"\\"), message)
         return _say(f"{message}: try '{command} --help'")
     except typer.Abort as error:  # of typer's own, where a verb raised EOFError
         raise error.__cause__ or error from None
