@@ -165,12 +165,12 @@ def _compensate_fused(
 
     from numba import typeof
 
-    moves = [np.empty((0, 3))] * 3
-    if motion is not None:
-        moves = [motion.angular_acceleration, motion.angular_velocity, motion.acceleration]
-    whole = [_unwritten(values) for values in (matrix, d)]
+    still = (np.empty((0, 3)),) * 3
+    moves = still if motion is None else (motion.angular_acceleration, motion.angular_velocity, motion.acceleration)
+    whole = [_unwritten(matrix), _unwritten(d)]
     of_rows = [*(_unwritten(values) for values in (readings, parts, *moves)), out]
-    kernel = _compiled(tuple(map(typeof, (*whole, *of_rows))))
+    layout = "C" if all(values.flags.c_contiguous for values in of_rows) else "A"  # any: to compile one takes a second
+    kernel = _compiled((*map(typeof, whole), *(typeof(values).copy(layout=layout) for values in of_rows)))
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     edges = np.linspace(0, len(readings), min(MAX_THREADS, cores) + 1).astype(int).tolist()
 
@@ -200,7 +200,7 @@ def _options() -> dict[str, Any]:
 
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
     for function in (_fused_from_quaternions, _fused_from_matrices, _fused_terms, _fused_product):
-        register_jitable(**options)(function)
+        register_jitable(no_cfunc_wrapper=True, no_cpython_wrapper=True, **options)(function)
     return options
 
 
@@ -209,11 +209,12 @@ def compiled_by_numba(function: Callable[..., int], types: tuple[Any, ...], **op
     from numba import njit
 
     try:
-        kept = njit(cache=True, **options)(function)
+        kept = njit(cache=True, no_cfunc_wrapper=True, **options)(function)
         kept.compile(types)
     except Exception:  # no folder that can be written, a full disk, or what is kept is damaged
-        kept = njit(**options)(function)
+        kept = njit(no_cfunc_wrapper=True, **options)(function)
         kept.compile(types)
+    kept.disable_compile()  # what can be taken for these types is
     compiled: Callable[..., int] = kept
     return compiled
 
