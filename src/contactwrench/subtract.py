@@ -170,7 +170,7 @@ def _compensate_fused(
     whole = [_unwritten(matrix), _unwritten(d)]
     of_rows = [*(_unwritten(values) for values in (readings, parts, *moves)), out]
     layout = "C" if all(values.flags.c_contiguous for values in of_rows) else "A"  # any: to compile one takes a second
-    kernel = _compiled((*map(typeof, whole), *(typeof(values).copy(layout=layout) for values in of_rows)))
+    kernel = _compiled((*map(typeof, whole), *(rows.copy(layout=layout) for rows in map(typeof, of_rows))))
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     edges = np.linspace(0, len(readings), min(MAX_THREADS, cores) + 1).astype(int).tolist()
 
@@ -190,7 +190,7 @@ def _unwritten(values: Array) -> Array:
 
 @cache
 def _compiled(types: tuple[Any, ...]) -> Callable[..., int]:
-    return compiled_by_numba(_fused, types, nogil=True, **_options())
+    return compiled_by_numba(_fused, types, nogil=True, no_cfunc_wrapper=True, **_options())
 
 
 @cache
@@ -209,10 +209,10 @@ def compiled_by_numba(function: Callable[..., int], types: tuple[Any, ...], **op
     from numba import njit
 
     try:
-        kept = njit(cache=True, no_cfunc_wrapper=True, **options)(function)
+        kept = njit(cache=True, **options)(function)
         kept.compile(types)
     except Exception:  # no folder that can be written, a full disk, or what is kept is damaged
-        kept = njit(no_cfunc_wrapper=True, **options)(function)
+        kept = njit(**options)(function)
         kept.compile(types)
     kept.disable_compile()  # what can be taken for these types is
     compiled: Callable[..., int] = kept

@@ -260,7 +260,8 @@ def compiled(inertia: bool) -> Callable[..., int]:
     state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
     arguments = (state[::1], sample[::1], rows, types.int64, types.int64, types.boolean if inertia else types.none)
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
-        return compiled_by_numba(taking(_told_to_numba()), arguments, nogil=True, error_model="numpy")
+        take = taking(_told_to_numba())
+        return compiled_by_numba(take, arguments, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 
 
 @cache
