@@ -173,12 +173,9 @@ def _compensate_fused(
     kernel = _compiled((*map(typeof, whole), *(rows.copy(layout=layout) for rows in map(typeof, of_rows))))
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     edges = np.linspace(0, len(readings), min(MAX_THREADS, cores) + 1).astype(int).tolist()
-
-    def doubtful_in(block: tuple[int, int]) -> int:
-        return kernel(*whole, *(values[slice(*block)] for values in of_rows))
-
     with ThreadPoolExecutor(len(edges) - 1) as pool:
-        return sum(pool.map(doubtful_in, pairwise(edges))) == 0
+        doubtful = pool.map(lambda block: kernel(*whole, *(rows[slice(*block)] for rows in of_rows)), pairwise(edges))
+        return sum(doubtful) == 0
 
 
 def _unwritten(values: Array) -> Array:

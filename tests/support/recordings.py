@@ -137,7 +137,10 @@ def fit_once(patch: pytest.MonkeyPatch) -> None:
 
 
 def _estimated_once(*asked: Any, **named: Any) -> Any:
-    known = pickle.dumps((asked, named))
+    try:
+        known = pickle.dumps((asked, named))
+    except (AttributeError, pickle.PicklingError):  # knowledge whose function is of no module
+        return estimated(*asked, **named)
     if known not in _ESTIMATES:
         _ESTIMATES[known] = estimated(*asked, **named)
     return _ESTIMATES[known]
