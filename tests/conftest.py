@@ -3,7 +3,8 @@
 `make explore` draws new examples. What is collected stays to the end: the garbage collector need not go through the
 quarter of a million objects of libraries and tests again and again. Nor need each worker, each run and each program
 that a test starts compile the same files anew where PYTHONDONTWRITEBYTECODE is set: what Python makes of them is kept.
-Nor need all workers at once compile with numba what is not on disk yet, or no longer: one does, and the others load it.
+Nor need all workers at once compile with numba, or rewrite the assertions of a file, where that is not on disk yet, or
+no longer: one does, and the others load it.
 """
 
 from __future__ import annotations
@@ -11,11 +12,12 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial, wraps
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -39,18 +41,33 @@ if PROFILE == "same_every_time":
     drawing["_get_local_constants"] = partial(drawing.__getitem__, "_local_constants")
 
 
+@contextmanager
+def _alone_with(file: str | Path) -> Iterator[None]:
+    """Meanwhile other processes wait that would be alone with it too."""
+    fcntl = import_module("fcntl")
+    with open(file, "rb") as lock:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(lock, fcntl.LOCK_EX)  # until it is closed
+        yield
+
+
 def _one_at_a_time(compiled: Callable[..., Any]) -> Callable[..., Any]:
     """A compiler that waits for what another process compiles, which takes 20 s of a core where no file has it yet."""
 
     @wraps(compiled)
     def waits(*arguments: Any, **options: Any) -> Any:
-        fcntl = import_module("fcntl")
-        with open(__file__, "rb") as lock:
-            with suppress(OSError):  # a file system without locks
-                fcntl.flock(lock, fcntl.LOCK_EX)  # until it is closed
+        with _alone_with(__file__):
             return compiled(*arguments, **options)
 
     return waits
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, Any, Any]:
+    """Of all workers the first goes ahead, and writes what the others read: a third of what all of them would do."""
+    is_file = find_spec("fcntl") and isinstance(collector, pytest.Module)
+    with _alone_with(collector.path) if is_file else nullcontext():
+        return (yield)
 
 
 if find_spec("fcntl"):

@@ -165,20 +165,17 @@ def _compensate_fused(
 
     from numba import typeof
 
-    moves = [np.empty((0, 3))] * 3
-    if motion is not None:
-        moves = [motion.angular_acceleration, motion.angular_velocity, motion.acceleration]
-    whole = [_unwritten(values) for values in (matrix, d)]
+    still = (np.empty((0, 3)),) * 3
+    moves = still if motion is None else (motion.angular_acceleration, motion.angular_velocity, motion.acceleration)
+    whole = [_unwritten(matrix), _unwritten(d)]
     of_rows = [*(_unwritten(values) for values in (readings, parts, *moves)), out]
-    kernel = _compiled(tuple(map(typeof, (*whole, *of_rows))))
+    layout = "C" if all(values.flags.c_contiguous for values in of_rows) else "A"  # any: to compile one takes a second
+    kernel = _compiled((*map(typeof, whole), *(rows.copy(layout=layout) for rows in map(typeof, of_rows))))
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     edges = np.linspace(0, len(readings), min(MAX_THREADS, cores) + 1).astype(int).tolist()
-
-    def doubtful_in(block: tuple[int, int]) -> int:
-        return kernel(*whole, *(values[slice(*block)] for values in of_rows))
-
     with ThreadPoolExecutor(len(edges) - 1) as pool:
-        return sum(pool.map(doubtful_in, pairwise(edges))) == 0
+        doubtful = pool.map(lambda block: kernel(*whole, *(rows[slice(*block)] for rows in of_rows)), pairwise(edges))
+        return sum(doubtful) == 0
 
 
 def _unwritten(values: Array) -> Array:
@@ -190,7 +187,7 @@ def _unwritten(values: Array) -> Array:
 
 @cache
 def _compiled(types: tuple[Any, ...]) -> Callable[..., int]:
-    return compiled_by_numba(_fused, types, nogil=True, **_options())
+    return compiled_by_numba(_fused, types, nogil=True, no_cfunc_wrapper=True, **_options())
 
 
 @cache
@@ -200,7 +197,7 @@ def _options() -> dict[str, Any]:
 
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
     for function in (_fused_from_quaternions, _fused_from_matrices, _fused_terms, _fused_product):
-        register_jitable(**options)(function)
+        register_jitable(no_cfunc_wrapper=True, no_cpython_wrapper=True, **options)(function)
     return options
 
 
@@ -214,6 +211,7 @@ def compiled_by_numba(function: Callable[..., int], types: tuple[Any, ...], **op
     except Exception:  # no folder that can be written, a full disk, or what is kept is damaged
         kept = njit(**options)(function)
         kept.compile(types)
+    kept.disable_compile()  # what can be taken for these types is
     compiled: Callable[..., int] = kept
     return compiled
 

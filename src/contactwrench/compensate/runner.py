@@ -249,18 +249,18 @@ def compiled(inertia: bool) -> Callable[..., int]:
     it, in two thirds of the time. Raises `MissingExtraError` without numba, and `InputError` where it is switched off.
     """
     try:
-        import numba
-        from numba import types
+        from numba import from_dtype, types
     except ImportError:
         raise MissingExtraError(
             "numba is not installed, expected for a compiled step: pip install 'contactwrench[fast]'"
         ) from None
     if not has_compiler():
         raise InputError("NUMBA_DISABLE_JIT is set, expected not with fast=True: unset it, or leave fast out")
-    state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
+    state, sample, rows = from_dtype(STATE), from_dtype(SAMPLE), types.float64[:, ::1]
     arguments = (state[::1], sample[::1], rows, types.int64, types.int64, types.boolean if inertia else types.none)
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
-        return compiled_by_numba(taking(_told_to_numba()), arguments, nogil=True, error_model="numpy")
+        take = taking(_told_to_numba())
+        return compiled_by_numba(take, arguments, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 
 
 @cache
