@@ -35,7 +35,7 @@ import pytest
 import contactwrench
 from contactwrench.cli.main import main
 from tests.support.brands import BRANDS, EXAMPLES
-from tests.support.recordings import fit_once, program
+from tests.support.recordings import program
 from tests.support.robot_pages import (
     WRITTEN_BY_PROGRAM,
     assert_the_columns,
@@ -222,12 +222,16 @@ def run(page: Path) -> list[tuple[re.Match[str], list[Shown]]]:
 
 
 def run_command(source: str, out: io.StringIO) -> int:
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(out):
-        patch.setattr(sys, "argv", shlex.split(source.removeprefix("$ ")))
-        fit_once(patch)
-        with pytest.raises(SystemExit) as end:
+    before = sys.argv
+    sys.argv = shlex.split(source.removeprefix("$ "))
+    try:
+        with redirect_stdout(out), redirect_stderr(out):
             main(program())
-    return int(end.value.code or 0)
+    except SystemExit as end:
+        return int(end.code or 0)
+    finally:
+        sys.argv = before
+    raise AssertionError("the program leaves with a status")
 
 
 def words(line: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import re
 import sys
 from collections.abc import Iterable, Sequence
@@ -19,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 import contactwrench as cw
 from contactwrench.cli.main import app, exit_status
-from contactwrench.estimation.rigid import estimated
 
 Array = NDArray[np.float64]
 
@@ -124,31 +122,7 @@ def run_quietly(arguments: Sequence[str | Path]) -> int:
     """Run `contactwrench` with these arguments in this process: its exit status."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["contactwrench", *map(str, arguments)])
-        fit_once(patch)
         return exit_status(program())
-
-
-def fit_once(patch: pytest.MonkeyPatch) -> None:
-    """Of the same poses and the same question the fit is kept: most runs of the program are of a few recordings, whose
-    calibrations are what goes before that which is tested. A test that changes how poses are fitted calls the library.
-    """
-    for name in FITTING:
-        patch.setattr(f"contactwrench.{name}.estimated", _estimated_once)
-
-
-def _estimated_once(*asked: Any, **named: Any) -> Any:
-    try:
-        known = pickle.dumps((asked, named))
-    except (AttributeError, pickle.PicklingError):  # knowledge whose function is of no module
-        return estimated(*asked, **named)
-    if known not in _ESTIMATES:
-        _ESTIMATES[known] = estimated(*asked, **named)
-    return _ESTIMATES[known]
-
-
-FITTING = ("estimation.calibrate", "estimation.several_tools", "estimation.held_rotations", "estimation.alternatives",
-           "estimation.sign_ambiguity", "estimation.findings_of_knowledge", "assess.diagnose")  # fmt: skip
-_ESTIMATES: dict[bytes, Any] = {}
 
 
 @cache
