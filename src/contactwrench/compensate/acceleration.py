@@ -40,7 +40,7 @@ def told(calibration: Calibration, position: ArrayLike | None, acceleration: Arr
             f"found {what}, and a calibration whose inertia counts from {of}, expected {other}: give that "
             f"with the reading, `{other}=`, or calibrate by the other"
         )
-    return numbers(position if acceleration is None else acceleration, what)  # type: ignore[arg-type]
+    return numbers(position if acceleration is None else acceleration, what)
 
 
 def use_accelerometer(s: State, calibration: Calibration, sensor_filter: LowPass | None) -> None:

@@ -11,7 +11,7 @@ from hashlib import sha256
 from inspect import getsource
 from math import inf, nan
 from threading import Timer, get_ident
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,8 +24,11 @@ from ..geometry.wrench import wrench_rows
 from ..subtract import compiled_by_numba
 from .contact_wrenches import Contact, ContactWrenches
 from .faults import SAME, reasons_of
-from .state import COVARIANCE, KERNEL, SAMPLE, STATE, Function, Sample, State
+from .state import COVARIANCE, KERNEL, SAMPLE, STATE, Sample, State
 from .step import taking
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
 
 MOMENT = 1.0
 """s: what takes longer is said."""
@@ -41,16 +44,16 @@ take = taking("")
 """In plain Python."""
 
 
-def by_one_thread(method: Function) -> Function:
+def by_one_thread(method: Callable[Concatenate[Any, Given], Made]) -> Callable[Concatenate[Any, Given], Made]:
     """Refuse the method to every thread but the first that calls one."""
 
     @wraps(method)
-    def owned(self: Any, *args: Any, **named: Any) -> Any:
+    def owned(self: Any, /, *args: Given.args, **named: Given.kwargs) -> Made:
         if vars(self).setdefault("owner", me := get_ident()) != me:
             raise InputError(TAKEN)
         return method(self, *args, **named)
 
-    return owned  # type: ignore[return-value]
+    return owned
 
 
 def require_one(reading: Array, turn: Array, place: Array) -> None:

@@ -66,11 +66,9 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes[:6], 1)
     from_parameters = matrix_jacobian(moved, names)
     of_B = _of_gain(problem, tables, weight)
-    known, hidden = rows_of(problem.question.knowledge, moved, names).jacobian, np.zeros_like(covariance)
-    if of_B.any():
-        follows = np.eye(len(names)) - covariance @ known.T @ known  # less, the better something else tells it
-        hidden = follows @ _hidden_in_parameters(of_B, moved, from_parameters, np.sqrt(np.diag(covariance))) @ follows.T
-        of_B = of_B - from_parameters @ hidden @ from_parameters.T
+    known = rows_of(problem.question.knowledge, moved, names).jacobian
+    hidden = _hidden_in_parameters(of_B, moved, from_parameters, covariance, known)
+    of_B = of_B - from_parameters @ hidden @ from_parameters.T
     covariance = covariance + hidden
     covariance = 0.5 * (covariance + covariance.T)
     variance = weight @ np.concatenate([table.members.variance for table in tables])
@@ -155,16 +153,21 @@ def _of_gain(problem: Problem, tables: list[Table], weight: Array) -> Array:
     return of_B
 
 
-def _hidden_in_parameters(of_B: Array, tool: RigidTool, from_parameters: Array, std: Array) -> Array:
-    """What gain and cross-talk, which add `of_B` to the covariance of B, add to that (p, p) of the parameters, whose
-    `std` (p,) is known so far: as much as looks like another tool and mounting. Torques count by what a force does at
-    the tool's own lever.
+def _hidden_in_parameters(
+    of_B: Array, tool: RigidTool, from_parameters: Array, covariance: Array, known: Array
+) -> Array:
+    """What gain and cross-talk add to the covariance (p, p) of the parameters: of what they add to that of B, `of_B`
+    (24, 24), as much as looks like another tool and mounting, less by the better rows (k, p) of what is `known` tell
+    it. B follows the parameters by `from_parameters` (24, p). Torques count by what a force does at the tool's lever.
     """
+    if not of_B.any():
+        return np.zeros_like(covariance)
+    std, follows = np.sqrt(np.diag(covariance)), np.eye(len(covariance)) - covariance @ known.T @ known
     lever = max(LEVER, float(np.linalg.norm(tool.com)))
     counts = np.outer(np.repeat([1.0, 1.0 / lever], 3), [1.0, 1.0, 1.0, 0.0]).reshape(24, 1)
     nearest = np.linalg.pinv(counts * from_parameters) * counts.T / std[:, None]
     values, vectors = np.linalg.eigh(nearest @ of_B @ nearest.T)
-    root = std[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))  # in places gain explains, and lessens it
+    root = follows @ (std[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))  # in places gain lessens it
     return np.asarray(root @ root.T)
 
 

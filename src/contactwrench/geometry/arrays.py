@@ -27,7 +27,7 @@ FLOAT64 = np.dtype(np.float64)
 WORDS = {"b": "truth values", "U": "text", "S": "text", "c": "complex numbers", "M": "dates", "m": "durations"}
 
 
-def numbers(values: ArrayLike, name: str) -> Array:
+def numbers(values: ArrayLike | None, name: str) -> Array:
     """What a user hands over, as float64: itself where it is that. `InputError`, by `name`, for what has to be guessed:
     text, truth values, complex numbers, dates, objects, rows of unequal length, masked values.
     """

@@ -79,7 +79,7 @@ class _WholeOrNot:
 
 
 class GrowingText:
-    """Lines of CSV. The methods of all three raise `OSError`; it is whole each time that it is written."""
+    """Lines of CSV. Of all three kinds the methods raise `OSError`, and each `write` leaves a file that is whole."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb", buffering=AT_ONCE)
