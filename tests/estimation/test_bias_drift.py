@@ -151,7 +151,7 @@ def test_a_direction_that_nobody_knows_is_weighed_as_the_mean_over_many(along: f
 
 
 def test_a_step_may_have_been_before_any_pose_and_a_steady_bias_is_likelier() -> None:
-    drifts, log_prior = possible_drifts(np.arange(12.0), 12)
+    drifts, log_prior = possible_drifts(np.arange(12.0), 1.0)
     kernels = kernels_of(12, drifts, log_prior)
     places = {drift.first_after: p for drift, p in zip(drifts, log_prior, strict=True) if drift.first_after}
     assert sorted(places) == list(range(1, 12))
@@ -162,14 +162,12 @@ def test_a_step_may_have_been_before_any_pose_and_a_steady_bias_is_likelier() ->
     assert np.exp(log_prior).sum() < np.exp(kernels.log_prior[0])
 
 
-def test_without_times_large_steps_alone_are_looked_for_and_of_few_poses_nothing() -> None:
-    large, log_prior = possible_drifts(None, 24)
-    assert [drift.first_after for drift in large] == list(range(2, 23))
-    assert min(drift.strengths[0] for drift in large) > 30.0
-    assert np.exp(log_prior).sum() == pytest.approx(0.045)
-    assert possible_drifts(None, 5) == ([], [])
-    assert [drift.first_after for drift in possible_drifts(None, 6)[0]] == [2, 3, 4]
-    assert possible_drifts(np.arange(3.0), 3) == ([], [])
+def test_of_poses_that_may_be_in_order_the_same_is_looked_for_and_is_as_much_less_likely_and_of_few_nothing() -> None:
+    known, log_prior = possible_drifts(np.arange(24.0), 1.0)
+    perhaps, log_prior_perhaps = possible_drifts(np.arange(24.0), 0.5)
+    assert [drift.first_after for drift in perhaps] == [drift.first_after for drift in known]
+    assert np.exp(log_prior_perhaps) == pytest.approx(0.5 * np.exp(log_prior))
+    assert possible_drifts(np.arange(3.0), 1.0) == ([], [])
     steady = kernels_of(24, [], [])
     assert (len(steady.drift), steady.log_prior.tolist()) == (1, [0.0])
 
@@ -278,10 +276,11 @@ def _generalised(rig: Rig, R: Array, N: Array) -> Array:
     return covariance
 
 
-def test_rows_in_any_order_tell_the_same_where_no_time_is_known() -> None:
+def test_rows_in_any_order_tell_the_same_where_no_time_is_known_and_the_bias_is_steady() -> None:
+    """But for the small share of answers in which the bias moved."""
     rig, R, rng = example(8)
     samples = noisy(rig, R, rng)
     ordered = samples.select(np.argsort(samples.wrench[:, 2]))
     plain, other = cw.calibrate(samples, "mount"), cw.calibrate(ordered, "mount")
-    assert other.parameters == pytest.approx(plain.parameters, abs=1e-6)
+    assert np.abs((other.parameters - plain.parameters) / np.sqrt(np.diag(plain.covariance))).max() < 0.1
     assert not [finding for finding in other.findings if finding.kind in OF_BIAS]

@@ -55,7 +55,7 @@ def said(probability: float, kind: Kind, low: tuple[int, ...] = (1, 4), timed: b
     levels = np.outer(np.where(np.isin(np.arange(12), low), 1.0, -1.0), [0.15, 0.0, 0.0, 0.0, 0.02, 0.0])
     assert isinstance(estimate.beliefs, Beliefs)
     beliefs = replace(estimate.beliefs, with_orientation={kind: probability}, backlash=levels, turn=0.0021)
-    return of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0)
+    return of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0, False)
 
 
 @pytest.mark.parametrize("kind", SAID)
@@ -133,7 +133,7 @@ def test_a_tilt_that_decides_the_answer_is_in_doubt(exact: float, off: float, ba
     estimate, _, poses = fitted()
     assert isinstance(estimate.beliefs, Beliefs)
     beliefs = replace(estimate.beliefs, mounting_exact=exact, base_exact=exact, off_by_mounting=off, off_by_base=base)
-    assert of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0) == [
+    assert of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0, False) == [
         Finding(
             Kind.TILT_IN_DOUBT,
             Severity.DOUBTFUL,
@@ -182,7 +182,7 @@ def test_a_drift_that_is_unlikely_is_in_doubt_where_it_decides(
         f"{off:.1f} std off; record more poses"
     )
     expected = [Finding(Kind.DRIFT_IN_DOUBT, Severity.DOUBTFUL, text)] if moved else []
-    assert of_beliefs(replace(estimate, beliefs=replace(estimate.beliefs, furthest=rival)), poses, 0.0) == expected
+    assert of_beliefs(replace(estimate, beliefs=replace(estimate.beliefs, furthest=rival)), poses, 0.0, False) == expected
 
 
 def test_a_step_that_a_turning_robot_explains_better_is_in_doubt_and_none_is_where_nothing_stepped() -> None:

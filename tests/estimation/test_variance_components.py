@@ -58,7 +58,7 @@ def case(request: pytest.FixtureRequest) -> tuple[Rig, Array, Turned, Array]:
     in_order, strength, q = request.param
     rig, R, rng = example(4, poses=9)
     kept = np.arange(9) != 3
-    alike = turns_of_robot(9, in_order)[-1]
+    alike = turns_of_robot(9)[-1 if in_order else 0]
     columns, relative = rng.normal(size=(9, q)), rng.uniform(0.5, 3.0, 9)
     base = AlikeOnAxes(kept, relative, NOISE**2, columns, strength)
     V = Turned(base, turns_across_gravity(_tool(rig), R, alike, kept), TURN)

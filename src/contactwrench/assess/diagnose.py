@@ -216,7 +216,7 @@ def _fitted(
     torques, whether its weight is sure, and by how much (rad) the base leans; a tool of no weight where none fits.
     """
     if float(np.mean(np.var(gravity_in_flange(R_base_flange, down), axis=0))) > LEAST_TILT:
-        readings = PoseReadings(R_base_flange, wrench, np.zeros_like(wrench))
+        readings = PoseReadings(R_base_flange, wrench, np.zeros_like(wrench), np.arange(float(len(wrench))), 1.0)
         fit = estimated(readings, Question(model, down), plain=True)
         lean = _lean(fit, model, down)
         if lean > MOST_LEAN:

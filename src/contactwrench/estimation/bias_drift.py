@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +30,6 @@ STRENGTHS_OF_MANY = STRENGTHS[STRENGTHS < MOST_OF_MANY]
 ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.4, Kind.BIAS_STEPPED: 0.09}
 """Before the readings, against a steady bias and independent errors; of a step, that it happened anywhere."""
 
-ROWS_IN_ORDER = 0.5
-"""That rows without times are in the order in which they were taken."""
-
-LARGE = 30.0
-"""Times the noise of a pose: smaller steps of rows without times would make their order count where nothing moved."""
-
 ONLY_THE_LAST = 0.05
 """Of the odds of a step elsewhere, those of one before the last pose: what one pose alone shows is a contact, in nearly
 all cases, and reads the same.
@@ -53,8 +46,8 @@ MOST_POSES = 400
 SMOOTH = 32
 """Columns of a walk: what is left out has a thousandth of its variance."""
 
-FEWEST_POSES, FEWEST_IN_ANY_ORDER = 3, 5
-"""Of so many nothing is looked for; without times there are more ways for what is left of few."""
+FEWEST_POSES = 3
+"""Of so many nothing is looked for."""
 
 SHARE_OF_WEIGHT: dict[Kind | None, float] = {
     Kind.GAIN: 0.01,
@@ -69,19 +62,17 @@ backlash move a reading by some percent of the weight."""
 @dataclass(frozen=True, eq=False)
 class Drift:
     """One way to move, or to err: the `kind` of finding (None: steady), `columns` (n, q) that the change is made of, of
-    a step the index of the first pose after it, and the `least` strength that is looked for.
+    a step the index of the first pose after it.
     """
 
     kind: Kind | None
     columns: Array
     first_after: int | None = None
-    least: float = 0.0
 
-    @cached_property
+    @property
     def strengths(self) -> Array:
         """How strong it may be, in units of the noise."""
-        strengths = STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS_OF_MANY
-        return strengths[strengths >= self.least] if self.least > 0.0 else strengths
+        return STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS_OF_MANY
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,37 +133,29 @@ class Kernels:
         return np.where(np.isnan(share), 0.0, plausible)
 
 
-def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float]]:
-    """How the bias of n poses may have moved, and the logarithm of the odds of each; `time` (n,) s, None where nobody
-    knows the order of the poses: then by a step alone that is large, as of a sensor that is zeroed anew.
+def possible_drifts(time: Array, in_order: float) -> tuple[list[Drift], list[float]]:
+    """How the bias of poses may have moved that were taken at these times (n,), s, with the probability `in_order`, and
+    the logarithm of the odds of each.
     """
-    if n <= (FEWEST_POSES if time is not None else FEWEST_IN_ANY_ORDER):
+    if (n := len(time)) <= FEWEST_POSES:
         return [], []
-    if time is None:
-        places = _places(n)[1:-1]
-        odds = ODDS[Kind.BIAS_STEPPED] * ROWS_IN_ORDER / max(len(places), 1)
-        return _steps(n, places, LARGE), [float(np.log(odds))] * len(places)
     before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
     drifts = [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)) for tau in TIME_CONSTANTS]
     each = [float(np.log(ODDS[Kind.BIAS_DRIFTED] / len(drifts)))] * len(drifts)
     places = _places(n)
     drifts.append(Drift(Kind.BIAS_WANDERED, _wandering(before)))
-    drifts += _steps(n, places, 0.0)
+    before_each = (np.arange(n) < places[:, None]).astype(np.float64)[..., None]
+    drifts += [Drift(Kind.BIAS_STEPPED, own, k) for own, k in zip(before_each, places.tolist(), strict=True)]
     each.append(float(np.log(ODDS[Kind.BIAS_WANDERED])))
     each += [float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places)))] * (len(places) - 1)
     each.append(float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places) * ONLY_THE_LAST)))
-    return drifts, each
+    return drifts, [log_odds + float(np.log(in_order)) for log_odds in each]
 
 
 def kernels_of(n: int, drifts: list[Drift], log_prior: list[float]) -> Kernels:
     """Every drift of n poses at every strength; first a steady bias."""
     steady = Kernels((Drift(None, np.zeros((n, 0))),), np.zeros(1, dtype=np.intp), np.zeros(1), np.zeros(1))
     return steady.joined(drifts, log_prior)
-
-
-def _steps(n: int, places: Array, least: float) -> list[Drift]:
-    before = (np.arange(n) < places[:, None]).astype(np.float64)[..., None]
-    return [Drift(Kind.BIAS_STEPPED, own, k, least) for own, k in zip(before, places.tolist(), strict=True)]
 
 
 def _places(n: int) -> Array:

@@ -278,7 +278,7 @@ def assembled(recorded: FittedRecording, question: Question, origin: Mapping[str
         findings=(
             *recorded.findings,
             *of_estimate(estimate, samples, recorded.readings, question, recorded.found.visits),
-            *of_beliefs(estimate, poses, _first_time(samples)),
+            *of_beliefs(estimate, poses, _first_time(samples), recorded.readings.in_order == 1.0),
             *of_sign,
             *doubts(estimate, kept, question, observability.trade_offs),
             *of_prior(estimate, kept, compress(poses, estimate.kept), question),

@@ -21,7 +21,7 @@ from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
 from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, tilts_widely
 from .priors import Question
-from .robot_errors import may_go_on
+from .robot_errors import MOST_ALIKE as MOST_TURNED_ALIKE
 
 WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
 """Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
@@ -236,23 +236,20 @@ def _unconfirmed(fit: Estimate) -> Row:
 
 def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
     """What is left in one pose is left in the next as well: poses are taken for independent, which rows on the way are
-    not, and no std holds; or the bias moved without times. What is counted may be alike: the robot's errors, the mean.
+    not, and no std holds. What is counted may be alike: the robot's errors, the mean.
     """
     n = len(fit.residuals)
-    left = fit.beyond_robot if may_go_on(len(readings), readings.time is not None) else fit.residuals
+    left = fit.beyond_robot if len(readings) <= MOST_TURNED_ALIKE else fit.residuals
     left = (left - left.mean(axis=0)) / np.maximum(left.std(axis=0), 1e-300)
     alike = float(np.mean(left[1:] * left[:-1])) if n > 1 else 0.0
     worth = (1.0 - alike) / max(1.0 + alike, 1e-300)
-    found = f"what is left in one pose is left in the next too (correlation {alike:.2f}), as"
     text = (
-        f"{found} in rows taken while the arm moves: these {n} poses tell as much as {max(worth * n, 1.0):.0f}, and "
-        "every std is too small: stop at each orientation, and give the times in a column t"
+        f"what is left in one pose is left in the next too (correlation {alike:.2f}), as in rows taken while the arm "
+        f"moves: these {n} poses tell as much as {max(worth * n, 1.0):.0f}, and every std is too small: stop at each "
+        "orientation, and give the times in a column t"
     )
-    if n >= FEWEST_IN_A_ROW and alike > max(ALIKE, ALIKE_SHOWS / np.sqrt(2.0 * n)):
-        return True, WEAK, Kind.CORRELATED_POSES, text
-    of_bias = readings.time is None and alike * np.sqrt(6.0 * n) > ALIKE_SHOWS
-    text = f"{found} of a bias that moves, or a cable: give the times (a column t)"
-    return of_bias, DOUBTFUL, Kind.DRIFT_IN_DOUBT, text
+    shows = n >= FEWEST_IN_A_ROW and alike > max(ALIKE, ALIKE_SHOWS / np.sqrt(2.0 * n))
+    return shows, WEAK, Kind.CORRELATED_POSES, text
 
 
 def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:

@@ -63,9 +63,9 @@ def _in_torque_alone(error: Array, noise: Array) -> bool:
     return force < SURELY * of_noise and torque > LONG_LEVER * (force + SURELY * of_noise)
 
 
-def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> list[Finding]:
+def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float, in_order: bool) -> list[Finding]:
     """Poses left out, up to `MOST_NAMED` by name, those in doubt, how the bias moved, and what goes with the
-    orientation; times count from `since`.
+    orientation; times count from `since`, and `in_order` is whether the poses are known to be.
     """
     beliefs = estimate.beliefs if isinstance(estimate, RigidEstimate) else None
     if beliefs is None:
@@ -74,7 +74,7 @@ def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> lis
     return [
         *_poses_left_out(estimate, names),
         *_poses_in_doubt(estimate, beliefs, names),
-        *_bias_moved(beliefs, names, poses),
+        *_bias_moved(beliefs, names, poses, in_order),
         *_with_orientation(beliefs, estimate.weight_scale, names, poses),
         *_anywhere(estimate, beliefs),
         *_tilt_in_doubt(beliefs),
@@ -182,12 +182,12 @@ def _poses_in_doubt(estimate: Estimate, beliefs: Beliefs, names: list[str]) -> l
     return [DOUBTFUL(Kind.POSE_IN_DOUBT, text) for text in texts]
 
 
-def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> list[Finding]:
+def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...], in_order: bool) -> list[Finding]:
     moved, drift = sum(beliefs.moved.values()), beliefs.drift
     if drift is None or drift.kind is None or moved < (WANDERS if drift.kind is Kind.BIAS_WANDERED else SAID):
         return []
     text = _moved_in_words(drift, beliefs.change, moved, names, poses)
-    if drift.least > 0.0:
+    if not in_order:
         return [DOUBTFUL(drift.kind, f"{text}, if the rows are in order: give their times (a column t)")]
     after = len(names) - (drift.first_after or 0)
     if drift.kind is Kind.BIAS_STEPPED and after <= max(LIKE_CONTACTS * len(names), FEW_LIKE_CONTACTS):

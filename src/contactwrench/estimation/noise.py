@@ -51,6 +51,9 @@ OFF_GROUP = np.eye(6) - OF_GROUP / 3.0
 LEAST_DOF = 0.05
 LARGEST_STEP = 2.0
 
+ROWS_IN_ORDER = 0.5
+"""That rows without times are in the order in which they were taken."""
+
 MOST_DOF = 1e6
 """What a parameter that the prior alone settles is said to have."""
 
@@ -77,13 +80,15 @@ def variance_of_means(noise: Array, fitted: tuple[Pose, ...], rows: Array) -> Ar
 @dataclass(frozen=True, eq=False)
 class PoseReadings:
     """The poses of a fit as arrays: `R_base_flange` (n, 3, 3), mean `wrench` (n, 6); `variance` (n, 6) of these means
-    as their still segments show it, 0 where that is unknown; `time` (n,) s, None where the order says nothing.
+    as their still segments show it, 0 where that is unknown; `time` (n,), s, or their number, and the probability that
+    they were taken `in_order` of it.
     """
 
     R_base_flange: Array
     wrench: Array
     variance: Array
-    time: Array | None = None
+    time: Array
+    in_order: float
 
     def __len__(self) -> int:
         return len(self.wrench)
@@ -92,8 +97,8 @@ class PoseReadings:
         """The poses of a mask (n,)."""
         if kept.all():
             return self
-        time = None if self.time is None else self.time[kept]
-        return PoseReadings(self.R_base_flange[kept], self.wrench[kept], self.variance[kept], time)
+        R_base_flange, wrench = self.R_base_flange[kept], self.wrench[kept]
+        return PoseReadings(R_base_flange, wrench, self.variance[kept], self.time[kept], self.in_order)
 
     def with_lag(self, lag: Array | None) -> PoseReadings:
         """The same, as uncertain as one `lag` (10, 6) of all poses leaves them (`RecordedPoses`): what it makes of each
@@ -159,10 +164,9 @@ def readings_of(poses: tuple[Pose, ...], order_tells: bool) -> PoseReadings:
         variance[~known] = (rows[known, None] * variance[known]).mean(axis=0) / rows[~known, None]
     mean = np.maximum(variance.mean(axis=0), 1e-300)
     variance = np.mean(variance / mean, axis=1)[:, None] * mean  # one axis of few rows says little by itself
-    time = times_of(poses) if order_tells or poses[0].t_start is not None else None
-    return PoseReadings(
-        np.array([pose.R_base_flange for pose in poses]), np.array([pose.wrench for pose in poses]), variance, time
-    )
+    R_base_flange, wrench = np.array([pose.R_base_flange for pose in poses]), np.array([pose.wrench for pose in poses])
+    in_order = 1.0 if order_tells or poses[0].t_start is not None else ROWS_IN_ORDER
+    return PoseReadings(R_base_flange, wrench, variance, times_of(poses), in_order)
 
 
 def in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange
-from .bias_drift import ROWS_IN_ORDER, Drift
+from .bias_drift import Drift
 
 ODDS = {Kind.GAIN: 0.4, Kind.CREEP: 0.2, Kind.CABLE: 0.2}
 """Before the readings, against independent errors: sensors and cables err less often."""
@@ -21,14 +21,14 @@ FIELD_LENGTH, MOST_WITH_CABLE = 0.5, 100
 
 
 def orientation_errors(
-    R_base_flange: Array, gravity_direction: Array, in_order: bool
+    R_base_flange: Array, gravity_direction: Array, in_order: float
 ) -> tuple[list[Drift], list[float]]:
     """Errors of sensor and cable that poses may have by their orientation, and the logarithm of the odds of each: gain
-    and cross-talk, creep, a cable; `in_order`: poses are known to be.
+    and cross-talk, creep, a cable; `in_order`: the probability that poses are.
     """
     r = gravity_in_flange(R_base_flange, gravity_direction)
     drifts = [Drift(Kind.GAIN, r), Drift(Kind.CREEP, np.diff(-r, axis=0, prepend=-r[:1]))]
-    odds = [ODDS[Kind.GAIN], ODDS[Kind.CREEP] * (1.0 if in_order else ROWS_IN_ORDER)]
+    odds = [ODDS[Kind.GAIN], ODDS[Kind.CREEP] * in_order]
     if len(r) <= MOST_WITH_CABLE:
         flat = R_base_flange.reshape(-1, 9)
         chord = np.maximum(6.0 - 2.0 * flat @ flat.T, 0.0)  # ||R_i - R_j||^2, about twice the squared angle

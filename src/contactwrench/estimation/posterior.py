@@ -95,23 +95,20 @@ def _leveled(
     nearby: Callable[[Table], list[NDArray[np.bool_]]],
 ) -> dict[bytes, Table]:
     """Tables by the poses that they keep, in which some of these may be `on_a_level` of their own or on a side of what
-    was found: that of all poses; and, where the order of poses tells levels from a drift, for which they would pass,
-    those with poses left out beside them.
+    was found: that of all poses, and those with poses left out beside them.
     """
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
     of_all = tables[np.ones(len(problem.wrench), dtype=bool).tobytes()]
     proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
     proposed += [side for table in (found[0], of_all) for side in _two_sides(problem, table)]
-    ordered = any(drift.kind is Kind.BIAS_DRIFTED for drift in problem.kernels.drifts)
     anew, leveled = [of_all], dict[bytes, Table]()
-    if ordered and not found[0].kept.all():
+    if not found[0].kept.all():
         proposed.append(_clean_poses(problem, found[0], found[0].kept)[1])
         anew.append(found[0])
     while anew:
         leveled |= {table.kept.tobytes(): _with_levels(problem, table, proposed) for table in anew}
         now = max(leveled.values(), key=lambda table: table.log_evidence)
-        beside = nearby(now) if ordered else []
-        anew = [tried(kept, tables[now.kept.tobytes()]) for kept in beside if kept.tobytes() not in leveled]
+        anew = [tried(kept, tables[now.kept.tobytes()]) for kept in nearby(now) if kept.tobytes() not in leveled]
     return leveled
 
 

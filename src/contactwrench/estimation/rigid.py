@@ -98,11 +98,11 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     if question.noise is None:
         spread = readings.wrench[:, :3] - readings.wrench[:, :3].mean(axis=0)
         start = start * max(float(np.mean(spread**2)), 1e-20)
-    drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
+    drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, readings.in_order)
     anew = not plain and question.earlier is None
     turns = anew and n > FEWEST_POSES and question.noise is None
     if anew and n > FEWEST_FOR_ORIENTATION:
-        errors = orientation_errors(readings.R_base_flange, question.gravity_direction, readings.time is not None)
+        errors = orientation_errors(readings.R_base_flange, question.gravity_direction, readings.in_order)
         drifts, log_prior = drifts + errors[0], log_prior + errors[1]
     return Problem(
         readings.R_base_flange,
@@ -112,7 +112,7 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
         PARAMETERS[model_fitted(question.model)],
         question,
         NoiseModel(readings.least_variance, question.noise, start),
-        turns_of_robot(n, readings.time is not None) if turns else (),
+        turns_of_robot(n) if turns else (),
     )
 
 

@@ -48,16 +48,11 @@ or none, from which on."""
 Begun: TypeAlias = Callable[[], Turned | None]
 
 
-def may_go_on(n: int, in_order: bool) -> bool:
-    """Whether errors that n poses have from one to the next are counted, which must be known to be `in_order`."""
-    return in_order and n <= MOST_ALIKE
-
-
-def turns_of_robot(n: int, in_order: bool) -> tuple[Array | None, ...]:
+def turns_of_robot(n: int) -> tuple[Array | None, ...]:
     """How errors of the robot's orientation may be alike at n poses: not at all, None, or from one to the next, (n, n),
-    where they `may_go_on`.
+    of few enough.
     """
-    if not may_go_on(n, in_order):
+    if n > MOST_ALIKE:
         return (None,)
     return (None, CORRELATION ** np.abs(np.subtract.outer(np.arange(n), np.arange(n))))
 
