@@ -11,6 +11,7 @@ import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,8 +70,8 @@ BY_FLAGS = {
 }
 
 
-def found_in(folder: Path, content: str, gravity: Array | None = None, **stated: object) -> Diagnosis:
-    options = Options(**stated)  # type: ignore[arg-type]
+def found_in(folder: Path, content: str, gravity: Array | None = None, **stated: Any) -> Diagnosis:
+    options = Options(**stated)
     return diagnose(interpretations(written(folder, content), options, gravity))
 
 

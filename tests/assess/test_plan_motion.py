@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -213,7 +214,7 @@ NEAR_ITS_LIMIT = np.array([0.0, 0.5, 0.0, -1.0, 0.0, 2.0, 0.0])
         ({"above": 150.0}, "above is 150, expected -10 to 10 m (is it in mm?)"),
     ],
 )
-def test_what_cannot_be_planned_is_said(arguments: dict[str, object], complaint: str) -> None:
+def test_what_cannot_be_planned_is_said(arguments: dict[str, Any], complaint: str) -> None:
     with pytest.raises(InputError) as refusal:
-        plan_motion(ARMS["iiwa7"], n=2, **arguments)  # type: ignore[arg-type]
+        plan_motion(ARMS["iiwa7"], n=2, **arguments)
     assert str(refusal.value) == complaint

@@ -20,15 +20,14 @@ from tests.support.rigs import NOISE, example, noise_free, noisy, rotation_angle
 from tests.support.world import Array, Rig, random_rotations, readings
 
 
-def _of(difference: object, name: str) -> tuple[float, float]:
-    names = list(difference.names)  # type: ignore[attr-defined]
-    k = names.index(name)
-    return difference.change[k], difference.std[k]  # type: ignore[attr-defined]
+def _of(difference: Difference, name: str) -> tuple[float, float]:
+    k = list(difference.names).index(name)
+    return float(difference.change[k]), float(difference.std[k])
 
 
-def _pair(seed: int, **changes: object) -> tuple[Rig, Rig, cw.Calibration, cw.Calibration]:
+def _pair(seed: int, **changes: Any) -> tuple[Rig, Rig, cw.Calibration, cw.Calibration]:
     rig, R, _ = example(seed)
-    other = replace(rig, **changes)  # type: ignore[arg-type]
+    other = replace(rig, **changes)
     return rig, other, cw.calibrate(noise_free(rig, R), "mount"), cw.calibrate(noise_free(other, R), "mount")
 
 
