@@ -182,7 +182,8 @@ def test_a_drift_that_is_unlikely_is_in_doubt_where_it_decides(
         f"{off:.1f} std off; record more poses"
     )
     expected = [Finding(Kind.DRIFT_IN_DOUBT, Severity.DOUBTFUL, text)] if moved else []
-    assert of_beliefs(replace(estimate, beliefs=replace(estimate.beliefs, furthest=rival)), poses, 0.0, False) == expected
+    beliefs = replace(estimate.beliefs, furthest=rival)
+    assert of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0, False) == expected
 
 
 def test_a_step_that_a_turning_robot_explains_better_is_in_doubt_and_none_is_where_nothing_stepped() -> None:

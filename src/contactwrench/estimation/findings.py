@@ -23,9 +23,9 @@ from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, tilts_wid
 from .priors import Question
 from .robot_errors import MOST_ALIKE as MOST_TURNED_ALIKE
 
-WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
+WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE, MISREAD_SHARE = 0.10, 0.10, 0.10, 0.4
 """Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
-last is left in a pose, something is wrong."""
+third is left in a pose, or the others miss it by more than the last, something is wrong."""
 
 SENSOR_NOISE, BY_CHANCE = 0.1, 1.5
 """N, an axis of an ordinary sensor in a pose, and times as much that few poses may leave of it: under a light tool that
@@ -214,24 +214,27 @@ def _is_as_of_a_sensor(fit: Estimate, readings: PoseReadings) -> bool:
 
 
 def _poor_fit(fit: Estimate) -> Row:
-    """Far more is left than a sensor and an arm explain: most often the file is understood wrongly."""
-    share = fit.force_left / max(fit.weight_scale, 1e-300)
-    text = (
-        f"{fit.force_left:.2g} N are left in the poses, {100.0 * share:.0f} % of the weight: the file may be read "
-        "wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it"
-    )
-    return share > POOR_SHARE, WEAK, Kind.POOR_FIT, text
+    """Far more is left than a sensor and an arm explain, or of a pose left out: most often a file is read wrongly."""
+    left, missed = (off / max(fit.weight_scale, 1e-300) for off in (fit.force_left, _missed(fit)))
+    found = f"{fit.force_left:.2g} N are left in the poses, {100.0 * left:.0f} % of the weight"
+    found = found if left > POOR_SHARE else "each pose explains itself"
+    by = "the file may be read wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it"
+    return max(left / POOR_SHARE, missed / MISREAD_SHARE) > 1.0, WEAK, Kind.POOR_FIT, f"{found}: {by}"
 
 
 def _unconfirmed(fit: Estimate) -> Row:
     """Left out, poses are missed far: with what else there may be, each explains itself."""
-    missed = 0.0 if fit.held_out is None else float(np.sqrt(np.mean(np.sum(fit.held_out[:, :3] ** 2, axis=1))))
-    share = missed / max(fit.weight_scale, 1e-300)
+    share = (missed := _missed(fit)) / max(fit.weight_scale, 1e-300)
     text = (
         f"the other poses miss what a pose reads by {missed:.2g} N, {100.0 * share:.0f} % of the weight, though all "
         "together leave far less: nothing confirms what explains them; check the orientations, and record more poses"
     )
     return share > POOR_SHARE and missed > FAR_MORE * fit.force_left, DOUBTFUL, Kind.UNCONFIRMED, text
+
+
+def _missed(fit: Estimate) -> float:
+    """N, a norm: what the other poses miss of one, RMS."""
+    return 0.0 if fit.held_out is None else float(np.sqrt(np.mean(np.sum(fit.held_out[:, :3] ** 2, axis=1))))
 
 
 def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:

@@ -51,7 +51,7 @@ OFF_GROUP = np.eye(6) - OF_GROUP / 3.0
 LEAST_DOF = 0.05
 LARGEST_STEP = 2.0
 
-ROWS_IN_ORDER = 0.5
+ROWS_IN_ORDER = 0.25
 """That rows without times are in the order in which they were taken."""
 
 MOST_DOF = 1e6
