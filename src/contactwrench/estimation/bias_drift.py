@@ -50,7 +50,7 @@ FEWEST_POSES = 3
 """Of so many nothing is looked for."""
 
 SHARE_OF_WEIGHT: dict[Kind | None, float] = {
-    Kind.GAIN: 0.015,
+    Kind.GAIN: 0.01,
     Kind.CREEP: 0.01,
     Kind.CABLE: 0.05,
     Kind.TWO_LEVELS: LEVEL_SHARE,

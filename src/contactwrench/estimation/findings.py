@@ -216,10 +216,12 @@ def _is_as_of_a_sensor(fit: Estimate, readings: PoseReadings) -> bool:
 def _poor_fit(fit: Estimate) -> Row:
     """Far more is left than a sensor and an arm explain, or of a pose left out: most often a file is read wrongly."""
     left, missed = (off / max(fit.weight_scale, 1e-300) for off in (fit.force_left, _missed(fit)))
-    found = f"{fit.force_left:.2g} N are left in the poses, {100.0 * left:.0f} % of the weight"
-    found = found if left > POOR_SHARE else "each pose explains itself"
-    by = "the file may be read wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it"
-    return max(left / POOR_SHARE, missed / MISREAD_SHARE) > 1.0, WEAK, Kind.POOR_FIT, f"{found}: {by}"
+    of_fit = f"{fit.force_left:.2g} N are left in the poses, {100.0 * left:.0f} % of the weight"
+    text = (
+        f"{of_fit if left > POOR_SHARE else 'each pose explains itself'}: the file may be read wrongly (orientation, "
+        "sign, units); contactwrench diagnose tries the other ways to read it"
+    )
+    return max(left / POOR_SHARE, missed / MISREAD_SHARE) > 1.0, WEAK, Kind.POOR_FIT, text
 
 
 def _unconfirmed(fit: Estimate) -> Row:

@@ -51,8 +51,10 @@ OFF_GROUP = np.eye(6) - OF_GROUP / 3.0
 LEAST_DOF = 0.05
 LARGEST_STEP = 2.0
 
-ROWS_IN_ORDER = 0.25
-"""That rows without times are in the order in which they were taken."""
+ROWS_IN_ORDER = 0.2
+"""That rows without times are in the order in which they were taken, and that evenly: so likely that a bias that moves
+shows, and that one that does not is as sure as if nothing could.
+"""
 
 MOST_DOF = 1e6
 """What a parameter that the prior alone settles is said to have."""
