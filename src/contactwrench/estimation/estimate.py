@@ -70,6 +70,11 @@ class Estimate:
         return float(np.sqrt(np.sum(self.residuals[:, :3] ** 2) / freedom))
 
     @property
+    def force_missed(self) -> float:
+        """RMS norm (N) of what the other poses miss of the force in one; 0 where these are too few."""
+        return 0.0 if self.held_out is None else float(np.sqrt(np.mean(np.sum(self.held_out[:, :3] ** 2, axis=1))))
+
+    @property
     def torque_left(self) -> float:
         """RMS norm (N m) of what is left of the torque in a pose, degrees of freedom counted."""
         freedom = max(float(self.readings_left.sum()) / 6.0, 0.5)

@@ -215,7 +215,7 @@ def _is_as_of_a_sensor(fit: Estimate, readings: PoseReadings) -> bool:
 
 def _poor_fit(fit: Estimate) -> Row:
     """Far more is left than a sensor and an arm explain, or of a pose left out: most often a file is read wrongly."""
-    left, missed = (off / max(fit.weight_scale, 1e-300) for off in (fit.force_left, _missed(fit)))
+    left, missed = (off / max(fit.weight_scale, 1e-300) for off in (fit.force_left, fit.force_missed))
     of_fit = f"{fit.force_left:.2g} N are left in the poses, {100.0 * left:.0f} % of the weight"
     text = (
         f"{of_fit if left > POOR_SHARE else 'each pose explains itself'}: the file may be read wrongly (orientation, "
@@ -226,17 +226,13 @@ def _poor_fit(fit: Estimate) -> Row:
 
 def _unconfirmed(fit: Estimate) -> Row:
     """Left out, poses are missed far: with what else there may be, each explains itself."""
-    share = (missed := _missed(fit)) / max(fit.weight_scale, 1e-300)
+    missed = fit.force_missed
+    share = missed / max(fit.weight_scale, 1e-300)
     text = (
         f"the other poses miss what a pose reads by {missed:.2g} N, {100.0 * share:.0f} % of the weight, though all "
         "together leave far less: nothing confirms what explains them; check the orientations, and record more poses"
     )
     return share > POOR_SHARE and missed > FAR_MORE * fit.force_left, DOUBTFUL, Kind.UNCONFIRMED, text
-
-
-def _missed(fit: Estimate) -> float:
-    """N, a norm: what the other poses miss of one, RMS."""
-    return 0.0 if fit.held_out is None else float(np.sqrt(np.mean(np.sum(fit.held_out[:, :3] ** 2, axis=1))))
 
 
 def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
