@@ -100,6 +100,17 @@ def test_a_single_pose_gives_the_bias_anew(model: str) -> None:
     assert calibration.dof == pytest.approx(earlier.dof, rel=0.15)
 
 
+@pytest.mark.parametrize("poses", [4, 6])
+def test_a_new_zero_knows_a_tool_no_better_than_the_few_poses_that_told_it(poses: int) -> None:
+    """Their variance is uncertain: an interval by a normal distribution would be half as wide."""
+    rig, R, rng = example(5, poses=poses)
+    earlier, one = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(1, rng)
+    now = cw.calibrate(cw.Samples(noisy_readings(rig, one, NOISE, rng), one), prior=earlier)
+    for name in ("weight", "com", "yaw"):
+        assert np.ptp(now.interval(name), axis=0) == pytest.approx(np.ptp(earlier.interval(name), axis=0), rel=0.01)
+    assert now.dof < 1.5 * earlier.dof
+
+
 def test_a_new_zero_makes_no_sensor_exact() -> None:
     """Whose gains are 1 % off: at other orientations the contact force is as uncertain as it was."""
     rig, R, rng = example(6, poses=25)
@@ -361,7 +372,7 @@ def test_derivatives_of_what_is_known_are_those_of_finite_differences() -> None:
     rig, R, rng = example(11, poses=10)
     names = PARAMETERS["mount+base"]
     prior = cw.calibrate(noisy(rig, R, rng), "mount+base")
-    earlier, (of_earlier, _) = tool_of(prior), known_of(prior, rows=1)
+    earlier, (of_earlier, *_) = tool_of(prior), known_of(prior, rows=1)
     pieces = (
         of_earlier,
         known_as("weight", 3.0, 0.1),

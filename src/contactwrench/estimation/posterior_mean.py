@@ -91,7 +91,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         B_covariance=from_parameters @ covariance @ from_parameters.T,
         covariance=covariance,
         noise=np.sqrt(variance),
-        dof=_dof(problem, first, of_axes, spread, covariance - hidden),
+        dof=_dof(problem, first, of_axes, spread, covariance - hidden, known),
         kept=first.kept,
         errors=errors,
         held_out=None if plain else deleted_errors(problem, first),
@@ -256,9 +256,9 @@ def _noisier_alone(problem: Problem, table: Table) -> Array:
     return np.maximum(alone, 1.0)
 
 
-def _dof(problem: Problem, table: Table, of_axes: Array, spread: Array, covariance: Array) -> Array:
+def _dof(problem: Problem, table: Table, of_axes: Array, spread: Array, covariance: Array, known: Array) -> Array:
     """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946): by how much the variances of
-    the axes, of which it is a weighted sum, are uncertain together.
+    the axes, and of the rows (k, p) of what is `known`, of which it is a weighted sum, are uncertain together.
     """
     m, best = table.members, table.best
     alone = _noisier_alone(problem, table)
@@ -266,8 +266,15 @@ def _dof(problem: Problem, table: Table, of_axes: Array, spread: Array, covarian
         spread[axis, :] = spread[:, axis] = 0.0
         spread[axis, axis] = 2.0 / max(float(m.dof[best, axis]), FEWEST_DOF)
     share = np.einsum("app->pa", of_axes) * np.append(alone, np.ones(len(of_axes) - 6))
-    share = share / np.maximum(np.diag(covariance), share.sum(axis=1) + 1e-300)[:, None]
+    of_known = np.sum((covariance @ known.T) ** 2, axis=1)
+    total = np.maximum(np.diag(covariance), share.sum(axis=1) + of_known + 1e-300)
+    share, of_known, behind = share / total[:, None], of_known / total, problem.question.dof
+    told = np.full(len(total), 2.0 / np.min(behind))
+    told[problem.columns] = 2.0 / behind
+    stated = problem.noise.stated
+    alike = np.minimum(spread[0, 0], told) if stated is not None and stated.dof > 0.0 else 0.0  # by an earlier noise
     uncertain = np.einsum("pa,ab,pb->p", share, spread, share)
+    uncertain += of_known * (told * of_known + 2.0 * alike * share.sum(axis=1))
     return np.asarray(np.minimum(2.0 / np.maximum(uncertain, 2.0 / MOST_DOF), MOST_DOF))
 
 

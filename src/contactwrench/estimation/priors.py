@@ -76,7 +76,8 @@ class Question:
     """What is asked of the readings: a model, and all that is known beside them.
 
     `gravity_direction` (3,) in base axes, stated or nominal; `noise` stated or None; `priors` of the tilts, for `auto`;
-    `knowledge` of the parameters; the `earlier` calibration, where that of its tool is among the knowledge.
+    `knowledge` of the parameters, with the `dof` behind its variances, of each of the `COORDINATES` or of all; the
+    `earlier` calibration, where that of its tool is among the knowledge.
     """
 
     model: str
@@ -84,6 +85,7 @@ class Question:
     noise: StatedNoise | None = None
     priors: TiltPriors = TiltPriors()
     knowledge: tuple[Knowledge, ...] = ()
+    dof: Array | float = MOST_DOF
     earlier: Calibration | None = None
 
     @cached_property
@@ -233,9 +235,12 @@ def tool_of(prior: Calibration) -> RigidTool:
     return prior.rigid_tool
 
 
-def known_of(prior: Calibration, rows: int, gravity: tuple[Any, Any] | None = None) -> tuple[Knowledge, StatedNoise]:
-    """What an earlier calibration knows of its tool, its bias forgotten, and the noise of a pose that is the mean of so
-    many `rows`: what poses differed by, and the scatter of a sample over the rows.
+def known_of(
+    prior: Calibration, rows: int, gravity: tuple[Any, Any] | None = None
+) -> tuple[Knowledge, Array, StatedNoise]:
+    """What an earlier calibration knows of its tool, its bias forgotten, the degrees of freedom (9,) behind that, and
+    the noise of a pose that is the mean of so many `rows`: what poses differed by, and the scatter of a sample over the
+    rows.
 
     What the earlier model held, mounting or base, is held to `EXACT_TILT_SD`. Raises `InputError` for `affine`, and
     for another `gravity`, as stated beside it: direction (3,), base axes, and std, rad an axis.
@@ -247,8 +252,10 @@ def known_of(prior: Calibration, rows: int, gravity: tuple[Any, Any] | None = No
     covariance = EXACT_TILT_SD**2 * np.eye(9)
     covariance[np.ix_(there, there)] = prior.covariance[np.ix_(source, source)]
     covariance[range(9), range(9)] *= 1.0 + LEAST_SHARE
+    of_noise, dof = prior.dof or MOST_DOF, np.full(9, MOST_DOF)
+    dof[there] = of_noise if prior.parameter_dof is None else prior.parameter_dof[source]
     noise = np.sqrt(variance_of_means(prior.noise, prior.fitted_poses, np.array([float(rows)]))[0])
-    return earlier_calibration(tool_of(prior), covariance), StatedNoise(noise, prior.dof or MOST_DOF)
+    return earlier_calibration(tool_of(prior), covariance), dof, StatedNoise(noise, of_noise)
 
 
 def _require_same_gravity(prior: Calibration, stated: tuple[Any, Any] | None) -> None:

@@ -107,9 +107,10 @@ def calibrate_shared(
     named = [samples.source for samples in recordings]
     sources = [f"{name} {k}" if named.count(name) > 1 else name for k, name in enumerate(named, 1)]
     messages, leader = _messages(recorded, sharing)
+    others = [[m for m in messages if m is not own] for own in messages]
     asked = [
-        replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in messages if m is not own)))
-        for own in messages
+        replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in heard)), dof=min(m.dof for m in heard))
+        for heard in others
     ]
     begins = [None if model == "auto" else message.tool for message in messages]
     estimates = [
