@@ -180,12 +180,11 @@ def _with_prior(question: Question, prior: Calibration, gravity: tuple[Any, Any]
     two = f"an earlier calibration brings its model, and model {model} is asked for: leave one out"
     refuse((not isinstance(prior, Calibration), other), (model not in ("auto", "dynamic"), two))
     rows = min((pose.n for pose in resting_poses(contact_free(samples)[0])), default=1)
-    knowledge, dof, noise = known_of(prior, rows, gravity)
+    knowledge, noise = known_of(prior, rows, gravity)
     return replace(
         question,
         gravity_direction=prior.gravity_direction,
         knowledge=(*question.knowledge, knowledge),
-        dof=dof,
         earlier=prior,
         noise=noise if question.noise is None else question.noise,
     )

@@ -91,7 +91,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         B_covariance=from_parameters @ covariance @ from_parameters.T,
         covariance=covariance,
         noise=np.sqrt(variance),
-        dof=_dof(problem, first, of_axes, spread, covariance - hidden, known),
+        dof=_dof(problem, first, of_axes, spread, covariance - hidden),
         kept=first.kept,
         errors=errors,
         held_out=None if plain else deleted_errors(problem, first),
@@ -224,7 +224,7 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
 
 def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
     """Of the likeliest member: what each axis' noise contributes to the covariance of the parameters (6, p, p), and the
-    covariance (6, 6) of the logarithms of the axes' variances; a seventh of each are the robot's turns, if any.
+    covariance (6, 6) of the logarithms of their variances; more of each: the robot's turns, and the rows known, if any.
     """
     m, best = table.members, table.best
     V = covariance_of_errors(problem, table, best)
@@ -233,16 +233,32 @@ def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
     information = np.tensordot(J, weighted, ((0, 1), (0, 1)))
     information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[best]]
     base = V.base if isinstance(V, Turned) else V
-    of_reading = weighted @ inverse_of(information)
+    of_reading = weighted @ (covariance := inverse_of(information))
     gain = of_reading * np.sqrt(m.variance[best])[:, None]
     of_noise = gain * np.sqrt(problem.relative[table.kept])[:, None, None]
     of_kernel = base.strength * np.tensordot(base.columns[table.kept], gain, (0, 0))
     by_axis = np.concatenate([of_noise, of_kernel])
     of_axes: Array = by_axis.transpose(1, 2, 0) @ by_axis.transpose(1, 0, 2)
+    spread = problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
     if isinstance(V, Turned):
         of_turns = V.along_turns(of_reading)
-        return np.concatenate([of_axes, (of_turns.T @ of_turns)[None]]), log_spread(V, J, information)
-    return of_axes, problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
+        of_axes, spread = np.concatenate([of_axes, (of_turns.T @ of_turns)[None]]), log_spread(V, J, information)
+    return _and_known(problem, table, of_axes, spread, covariance)
+
+
+def _and_known(problem: Problem, table: Table, of_axes: Array, spread: Array, covariance: Array) -> tuple[Array, Array]:
+    """These and the same of each row of what is known, given the covariance (p, p) of the parameters: the variances of
+    rows of one piece are off together, and with an earlier noise so far as that still stands behind the scale.
+    """
+    if not (pieces := [piece(table.tool, problem.names) for piece in problem.question.knowledge]):
+        return of_axes, spread
+    gain = np.concatenate([each.jacobian for each in pieces]) @ covariance
+    std = np.sqrt(2.0 / np.concatenate([each.dof for each in pieces]))
+    piece = np.repeat(np.arange(len(pieces)), [len(each.dof) for each in pieces])
+    earlier = 0.0 if problem.noise.stated is None else problem.noise.stated.dof
+    cross = np.outer(np.sqrt(0.5 * earlier) * np.diag(spread), std)
+    of_known, alike = gain[:, :, None] * gain[:, None, :], np.outer(std, std) * np.equal.outer(piece, piece)
+    return np.concatenate([of_axes, of_known]), np.block([[spread, cross], [cross.T, alike]])
 
 
 def _noisier_alone(problem: Problem, table: Table) -> Array:
@@ -256,9 +272,9 @@ def _noisier_alone(problem: Problem, table: Table) -> Array:
     return np.maximum(alone, 1.0)
 
 
-def _dof(problem: Problem, table: Table, of_axes: Array, spread: Array, covariance: Array, known: Array) -> Array:
+def _dof(problem: Problem, table: Table, of_axes: Array, spread: Array, covariance: Array) -> Array:
     """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946): by how much the variances of
-    the axes, and of the rows (k, p) of what is `known`, of which it is a weighted sum, are uncertain together.
+    the axes, and of what is known, of which it is a weighted sum, are uncertain together.
     """
     m, best = table.members, table.best
     alone = _noisier_alone(problem, table)
@@ -266,15 +282,8 @@ def _dof(problem: Problem, table: Table, of_axes: Array, spread: Array, covarian
         spread[axis, :] = spread[:, axis] = 0.0
         spread[axis, axis] = 2.0 / max(float(m.dof[best, axis]), FEWEST_DOF)
     share = np.einsum("app->pa", of_axes) * np.append(alone, np.ones(len(of_axes) - 6))
-    of_known = np.sum((covariance @ known.T) ** 2, axis=1)
-    total = np.maximum(np.diag(covariance), share.sum(axis=1) + of_known + 1e-300)
-    share, of_known, behind = share / total[:, None], of_known / total, problem.question.dof
-    told = np.full(len(total), 2.0 / np.min(behind))
-    told[problem.columns] = 2.0 / behind
-    stated = problem.noise.stated
-    alike = np.minimum(spread[0, 0], told) if stated is not None and stated.dof > 0.0 else 0.0  # by an earlier noise
+    share = share / np.maximum(np.diag(covariance), share.sum(axis=1) + 1e-300)[:, None]
     uncertain = np.einsum("pa,ab,pb->p", share, spread, share)
-    uncertain += of_known * (told * of_known + 2.0 * alike * share.sum(axis=1))
     return np.asarray(np.minimum(2.0 / np.maximum(uncertain, 2.0 / MOST_DOF), MOST_DOF))
 
 

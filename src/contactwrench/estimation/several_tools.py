@@ -107,10 +107,9 @@ def calibrate_shared(
     named = [samples.source for samples in recordings]
     sources = [f"{name} {k}" if named.count(name) > 1 else name for k, name in enumerate(named, 1)]
     messages, leader = _messages(recorded, sharing)
-    others = [[m for m in messages if m is not own] for own in messages]
     asked = [
-        replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in heard)), dof=min(m.dof for m in heard))
-        for heard in others
+        replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in messages if m is not own)))
+        for own in messages
     ]
     begins = [None if model == "auto" else message.tool for message in messages]
     estimates = [
@@ -217,8 +216,9 @@ def _message(readings: PoseReadings, alone: RigidEstimate, near: RigidTool, shar
     information = np.zeros((len(root), 5))
     information[:, turns] = root[:, None] * axes
     turn = -axes @ (put_in.T @ guess.residuals) / root
-    knowledge = known_rotations(found.tool.R_flange_sensor, found.tool.gravity_direction, information, turn)
-    return Message(knowledge, float(found.dof.min()), found.tool, float(np.trace(np.linalg.inv(of_all))))
+    R, d, dof = found.tool.R_flange_sensor, found.tool.gravity_direction, float(found.dof.min())
+    knowledge = replace(known_rotations(R, d, information, turn), dof=dof)
+    return Message(knowledge, dof, found.tool, float(np.trace(np.linalg.inv(of_all))))
 
 
 def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimate, sharing: _Sharing) -> RigidEstimate:
@@ -260,7 +260,7 @@ def _contradictions(
     """A finding that names the recording whose rotations differ from those of the others by more than chance."""
     index = sharing.index(common.names)
     of_each = [message.knowledge(common.tool, common.names) for message in messages]
-    rows = [PriorRows(each.residuals, each.jacobian[:, index]) for each in of_each]
+    rows = [replace(each, jacobian=each.jacobian[:, index]) for each in of_each]
     dof = min(message.dof for message in messages)
     judged = [_disagreement(each, [other for other in rows if other is not each], dof) for each in rows]
     two = len(messages) == 2
