@@ -100,6 +100,27 @@ def test_a_single_pose_gives_the_bias_anew(model: str) -> None:
     assert calibration.dof == pytest.approx(earlier.dof, rel=0.15)
 
 
+@pytest.mark.parametrize("poses", [4, 6])
+def test_a_new_zero_knows_a_tool_no_better_than_the_few_poses_that_told_it(poses: int) -> None:
+    """Their variance is uncertain: by a normal distribution the interval would be too narrow."""
+    rig, R, rng = example(5, poses=poses)
+    earlier, one = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(1, rng)
+    now = cw.calibrate(cw.Samples(noisy_readings(rig, one, NOISE, rng), one), prior=earlier)
+    for name in ("weight", "com", "yaw"):
+        assert np.ptp(now.interval(name), axis=0) == pytest.approx(np.ptp(earlier.interval(name), axis=0), rel=0.05)
+    assert now.dof < 1.5 * earlier.dof
+
+
+def test_what_is_weighed_exactly_is_as_certain_beside_an_earlier_calibration_of_few_poses() -> None:
+    rig, R, rng = example(5, poses=4)
+    earlier, one = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(1, rng)
+    known = {"weight": (rig.weight, 1e-3 * earlier.std["weight"])}
+    now = cw.calibrate(cw.Samples(noisy_readings(rig, one, NOISE, rng), one), prior=earlier, known=known)
+    assert now.parameter_dof is not None
+    assert now.parameter_dof[0] > 1e4
+    assert now.parameter_dof[4:10].max() < 20.0
+
+
 def test_a_new_zero_makes_no_sensor_exact() -> None:
     """Whose gains are 1 % off: at other orientations the contact force is as uncertain as it was."""
     rig, R, rng = example(6, poses=25)

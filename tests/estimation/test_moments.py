@@ -78,7 +78,7 @@ def _solved(rig: Rig, R: Array, wrench: Array, kernels: Kernels) -> Members:
     problem = Problem(R, wrench, np.ones(n), kernels, NAMES, Question("mount", rig.down), _noise())
     X, W = np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), columns_of_axes(tool, NAMES)
     moments = moments_of(X, np.ones(n), kernels, W, np.ones(n, dtype=bool))
-    nothing_known = PriorRows(np.zeros(0), np.zeros((0, p)))
+    nothing_known = PriorRows(np.zeros(0), np.zeros((0, p)), np.zeros(0))
     nothing = Priors(nothing_known, np.zeros((1, 0)), np.zeros((1, p, p)), np.zeros(1), np.ones(1))
     pairs = np.arange(len(kernels.drift)), np.zeros(len(kernels.drift), dtype=int)
     return solved(moments, kernels, nothing, pairs, _noise())
@@ -99,8 +99,8 @@ def test_the_members_of_a_stack_are_what_each_is_alone(seed: int) -> None:
     X, W = np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), columns_of_axes(tool, NAMES)
     moments = moments_of(X, np.ones(n), kernels, W, np.ones(n, dtype=bool))
     p = len(TOOL)
-    apart = Priors(PriorRows(np.zeros(0), np.zeros((0, p))), np.zeros((2, 0)), np.zeros((2, p, p)), np.zeros(2),
-                   np.array([APART, ALIKE]))  # fmt: skip
+    rows = PriorRows(np.zeros(0), np.zeros((0, p)), np.zeros(0))
+    apart = Priors(rows, np.zeros((2, 0)), np.zeros((2, p, p)), np.zeros(2), np.array([APART, ALIKE]))
     k, h = np.indices((len(kernels.drift), 2)).reshape(2, -1)
     given = moments, kernels, apart
     stack = solved(*given, (k, h), noise)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from scipy.special import gammaln
+from scipy.stats import chi2
 
 import contactwrench as cw
 from contactwrench.estimation.noise import ALIKE, APART, NoiseModel, StatedNoise
@@ -91,6 +92,16 @@ def test_an_axis_variance_is_as_uncertain_as_chi_square_says() -> None:
     alike = FREE.log_spread(dof, ALIKE)
     assert alike[3:, 3:] == pytest.approx(np.full((3, 3), 2.0 / 120.0), rel=0.5)
     assert np.abs(alike[:3, 3:]).max() < 1e-12
+
+
+def test_what_is_known_of_the_scale_counts_in_its_evidence() -> None:
+    """Its scaled inverse chi-square density, of the logarithm of the scale: not where an axis is at its least."""
+    stated, scale = NoiseModel(np.zeros(6), StatedNoise(NOISE, 20.0), NOISE**2), np.array([0.5, 1.0, 3.0])
+    log_variance = np.log(NOISE**2) + np.log(scale)[:, None]
+    log_variance[2, 1] += 1.0
+    cost = stated.log_volume(log_variance, np.full((3, 6), 4.0), np.full(3, ALIKE))
+    of_density = -2.0 * chi2.logpdf(20.0 / scale, 20.0) + 2.0 * np.log(scale)
+    assert cost - cost[1] == pytest.approx(of_density - of_density[1])
 
 
 def test_the_volume_of_one_scale_is_that_of_a_scaled_inverse_chi_square() -> None:

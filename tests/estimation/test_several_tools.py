@@ -162,6 +162,19 @@ def test_a_prior_is_counted_once() -> None:
     assert together[0].std["gravity"] == pytest.approx(in_one.std["gravity"], rel=0.25)
 
 
+def test_a_mounting_is_no_surer_than_what_the_others_say_of_it() -> None:
+    """Of four poses each, whose variances are uncertain: together they have no more degrees of freedom than in sum."""
+    for seed in (8, 9, 12):
+        rng = np.random.default_rng(seed)
+        heavy, light = two_tools(rng)
+        samples = [recorded(rig, random_rotations(4, rng), rng, "few.csv") for rig in (heavy, light, heavy)]
+        first, *_ = calibrate_shared(samples, ("mount",), "mount")
+        alone = [cw.calibrate(each, "mount").parameter_dof for each in samples]
+        in_sum = np.sum([dof for dof in alone if dof is not None], axis=0)
+        assert first.parameter_dof is not None
+        assert (first.parameter_dof <= in_sum)[10:].all()
+
+
 @cache
 def agreeing() -> tuple[cw.Calibration, ...]:
     """Of three recordings on one mounting and one base."""

@@ -134,8 +134,8 @@ def _linear(rig: Rig, R: Array, errors: Array) -> Linear:
     """Nothing known beforehand, no axis better than another."""
     J = wrench_jacobian(_tool(rig), R, NAMES)
     p = len(COLUMNS)
-    nothing = Priors(PriorRows(np.zeros(0), np.zeros((0, p))), np.zeros((1, 0)), np.zeros((1, p, p)), np.zeros(1),
-                     np.array([ALIKE]))  # fmt: skip
+    rows = PriorRows(np.zeros(0), np.zeros((0, p)), np.zeros(0))
+    nothing = Priors(rows, np.zeros((1, 0)), np.zeros((1, p, p)), np.zeros(1), np.array([ALIKE]))
     return Linear(J, errors, COLUMNS, rig.weight, nothing, NoiseModel(np.full(6, 1e-20), None, NOISE**2))
 
 

@@ -274,8 +274,10 @@ class NoiseModel:
 
     def log_volume(self, log_variance: Array, dof: Array, apart: Array) -> Array:
         """-2 log of the volume that Laplace's method gives the variances, less that of their prior (m,)."""
-        if self.stated is not None:
-            return np.asarray(np.log(np.maximum(dof.sum(axis=1) + self.stated.dof, LEAST_DOF)))
+        if (stated := self.stated) is not None:
+            scale = (log_variance - 2.0 * np.log(stated.std)).min(axis=1)  # of axes that are not at their least
+            prior = stated.dof * (scale + np.expm1(-scale))  # so far as the scale was known already
+            return np.asarray(np.log(np.maximum(dof.sum(axis=1) + stated.dof, LEAST_DOF)) + prior)
         pull = apart[:, None] ** -2.0
         stiff = 0.5 * np.maximum(dof, LEAST_DOF).reshape(-1, 2, 3) + pull[:, :, None]
         volume = np.log(stiff).sum(axis=2) + np.log1p(-pull / 3.0 * (1.0 / stiff).sum(axis=2))

@@ -224,7 +224,7 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:
 
 def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
     """Of the likeliest member: what each axis' noise contributes to the covariance of the parameters (6, p, p), and the
-    covariance (6, 6) of the logarithms of the axes' variances; a seventh of each are the robot's turns, if any.
+    covariance (6, 6) of the logarithms of their variances; more of each: the robot's turns, and the rows known, if any.
     """
     m, best = table.members, table.best
     V = covariance_of_errors(problem, table, best)
@@ -233,16 +233,32 @@ def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
     information = np.tensordot(J, weighted, ((0, 1), (0, 1)))
     information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[best]]
     base = V.base if isinstance(V, Turned) else V
-    of_reading = weighted @ inverse_of(information)
+    of_reading = weighted @ (covariance := inverse_of(information))
     gain = of_reading * np.sqrt(m.variance[best])[:, None]
     of_noise = gain * np.sqrt(problem.relative[table.kept])[:, None, None]
     of_kernel = base.strength * np.tensordot(base.columns[table.kept], gain, (0, 0))
     by_axis = np.concatenate([of_noise, of_kernel])
     of_axes: Array = by_axis.transpose(1, 2, 0) @ by_axis.transpose(1, 0, 2)
+    spread = problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
     if isinstance(V, Turned):
         of_turns = V.along_turns(of_reading)
-        return np.concatenate([of_axes, (of_turns.T @ of_turns)[None]]), log_spread(V, J, information)
-    return of_axes, problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
+        of_axes, spread = np.concatenate([of_axes, (of_turns.T @ of_turns)[None]]), log_spread(V, J, information)
+    return _and_known(problem, table, of_axes, spread, covariance)
+
+
+def _and_known(problem: Problem, table: Table, of_axes: Array, spread: Array, covariance: Array) -> tuple[Array, Array]:
+    """These and the same of each row of what is known, given the covariance (p, p) of the parameters: the variances of
+    rows of one piece are off together, and with an earlier noise so far as that still stands behind the scale.
+    """
+    if not (pieces := [piece(table.tool, problem.names) for piece in problem.question.knowledge]):
+        return of_axes, spread
+    gain = np.concatenate([each.jacobian for each in pieces]) @ covariance
+    std = np.sqrt(2.0 / np.concatenate([each.dof for each in pieces]))
+    piece = np.repeat(np.arange(len(pieces)), [len(each.dof) for each in pieces])
+    earlier = 0.0 if problem.noise.stated is None else problem.noise.stated.dof
+    cross = np.outer(np.sqrt(0.5 * earlier) * np.diag(spread), std)
+    of_known, alike = gain[:, :, None] * gain[:, None, :], np.outer(std, std) * np.equal.outer(piece, piece)
+    return np.concatenate([of_axes, of_known]), np.block([[spread, cross], [cross.T, alike]])
 
 
 def _noisier_alone(problem: Problem, table: Table) -> Array:
@@ -258,7 +274,7 @@ def _noisier_alone(problem: Problem, table: Table) -> Array:
 
 def _dof(problem: Problem, table: Table, of_axes: Array, spread: Array, covariance: Array) -> Array:
     """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946): by how much the variances of
-    the axes, of which it is a weighted sum, are uncertain together.
+    the axes, and of what is known, of which it is a weighted sum, are uncertain together.
     """
     m, best = table.members, table.best
     alone = _noisier_alone(problem, table)

@@ -51,11 +51,12 @@ class PriorRows:
     """What is known before the readings, as rows of unit variance.
 
     `residuals` (q,): what is known less what the tool says, in standard deviations; `jacobian` (q, p): the derivative
-    of what the tool says, likewise.
+    of what the tool says, likewise; `dof` (q,) degrees of freedom behind the variance of each row.
     """
 
     residuals: Array
     jacobian: Array
+    dof: Array
 
 
 Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
@@ -104,6 +105,7 @@ class KnownTool:
     tool: RigidTool
     whitener: Array
     value: Array | float = 0.0
+    dof: Array | float = MOST_DOF
 
     def __call__(self, tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
         """What a tool contradicts it by."""
@@ -118,7 +120,8 @@ class KnownTool:
             back[DOWN] = -turn
             if GRAVITY[0] in names:
                 jacobian[DOWN, -2:] = derivative
-        return PriorRows(self.value + self.whitener @ back, self.whitener @ jacobian)
+        dof = np.broadcast_to(self.dof, len(self.whitener))
+        return PriorRows(self.value + self.whitener @ back, self.whitener @ jacobian, dof)
 
 
 def known_as(name: str, value: Any, std: ArrayLike) -> Knowledge:
@@ -139,17 +142,19 @@ def nominal_mounting(std: float) -> Knowledge:
 
     def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
         flange_z = tool.R_flange_sensor[2]
-        return PriorRows(-flange_z[:2] / std, cross_matrix(flange_z)[:2] @ mounting_turn(names) / std)
+        of_tilt = cross_matrix(flange_z)[:2] @ mounting_turn(names)
+        return PriorRows(-flange_z[:2] / std, of_tilt / std, np.full(2, MOST_DOF))
 
     return rows
 
 
-def earlier_calibration(tool: RigidTool, covariance: Array) -> Knowledge:
-    """An earlier calibration of the same tool, its bias forgotten: `covariance` (9, 9) of its `COORDINATES`."""
-    return KnownTool(tool, np.linalg.inv(np.linalg.cholesky(covariance)))
+def earlier_calibration(tool: RigidTool, covariance: Array, dof: Array | float = MOST_DOF) -> Knowledge:
+    """An earlier calibration of the same tool, its bias forgotten: `covariance` (9, 9), `dof` of its `COORDINATES`."""
+    # a row is one of them, given those before it
+    return KnownTool(tool, np.linalg.inv(np.linalg.cholesky(covariance)), dof=dof)
 
 
-def known_rotations(R_flange_sensor: Array, gravity_direction: Array, information: Array, turn: Array) -> Knowledge:
+def known_rotations(R_flange_sensor: Array, gravity_direction: Array, information: Array, turn: Array) -> KnownTool:
     """Mounting and gravity, by the small turns (5,) that lead to them from these two, those of `mount_x` to
     `gravity_b`: `information` (q, 5), rows of unit variance, times the turns is `turn` (q,). What the rows leave open
     is not known.
@@ -160,8 +165,8 @@ def known_rotations(R_flange_sensor: Array, gravity_direction: Array, informatio
 
 def rows_of(knowledge: tuple[Knowledge, ...], tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
     """All rows together."""
-    rows = [PriorRows(np.zeros(0), np.zeros((0, len(names)))), *(piece(tool, names) for piece in knowledge)]
-    return PriorRows(np.concatenate([r.residuals for r in rows]), np.concatenate([r.jacobian for r in rows]))
+    rows = [PriorRows(np.zeros(0), np.zeros((0, len(names))), np.zeros(0)), *(each(tool, names) for each in knowledge)]
+    return PriorRows(*map(np.concatenate, zip(*((r.residuals, r.jacobian, r.dof) for r in rows), strict=True)))
 
 
 def _turn_of_gravity(before: Array, after: Array) -> tuple[Array, Array]:
@@ -247,8 +252,10 @@ def known_of(prior: Calibration, rows: int, gravity: tuple[Any, Any] | None = No
     covariance = EXACT_TILT_SD**2 * np.eye(9)
     covariance[np.ix_(there, there)] = prior.covariance[np.ix_(source, source)]
     covariance[range(9), range(9)] *= 1.0 + LEAST_SHARE
+    of_noise, dof = prior.dof or MOST_DOF, np.full(9, MOST_DOF)
+    dof[there] = of_noise if prior.parameter_dof is None else prior.parameter_dof[source]
     noise = np.sqrt(variance_of_means(prior.noise, prior.fitted_poses, np.array([float(rows)]))[0])
-    return earlier_calibration(tool_of(prior), covariance), StatedNoise(noise, prior.dof or MOST_DOF)
+    return earlier_calibration(tool_of(prior), covariance, dof), StatedNoise(noise, of_noise)
 
 
 def _require_same_gravity(prior: Calibration, stated: tuple[Any, Any] | None) -> None:

@@ -66,7 +66,7 @@ class Problem:
     def known_at(self, tool: RigidTool) -> PriorRows:
         """What is known of the parameters but the bias, and what is nominal, linearised at `tool`."""
         known = rows_of((*self.question.knowledge, *self.question.nominal), tool, self.names)
-        return PriorRows(known.residuals, known.jacobian[:, self.columns])
+        return replace(known, jacobian=known.jacobian[:, self.columns])
 
     def priors_at(self, tool: RigidTool, hypotheses: tuple[Hypothesis, ...]) -> Priors:
         """What is known beforehand under each hypothesis, linearised at `tool`."""

@@ -216,8 +216,9 @@ def _message(readings: PoseReadings, alone: RigidEstimate, near: RigidTool, shar
     information = np.zeros((len(root), 5))
     information[:, turns] = root[:, None] * axes
     turn = -axes @ (put_in.T @ guess.residuals) / root
-    knowledge = known_rotations(found.tool.R_flange_sensor, found.tool.gravity_direction, information, turn)
-    return Message(knowledge, float(found.dof.min()), found.tool, float(np.trace(np.linalg.inv(of_all))))
+    R, d, dof = found.tool.R_flange_sensor, found.tool.gravity_direction, float(found.dof.min())
+    knowledge = replace(known_rotations(R, d, information, turn), dof=dof)
+    return Message(knowledge, dof, found.tool, float(np.trace(np.linalg.inv(of_all))))
 
 
 def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimate, sharing: _Sharing) -> RigidEstimate:
@@ -259,7 +260,7 @@ def _contradictions(
     """A finding that names the recording whose rotations differ from those of the others by more than chance."""
     index = sharing.index(common.names)
     of_each = [message.knowledge(common.tool, common.names) for message in messages]
-    rows = [PriorRows(each.residuals, each.jacobian[:, index]) for each in of_each]
+    rows = [replace(each, jacobian=each.jacobian[:, index]) for each in of_each]
     dof = min(message.dof for message in messages)
     judged = [_disagreement(each, [other for other in rows if other is not each], dof) for each in rows]
     two = len(messages) == 2
