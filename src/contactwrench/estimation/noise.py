@@ -51,7 +51,7 @@ OFF_GROUP = np.eye(6) - OF_GROUP / 3.0
 LEAST_DOF = 0.05
 LARGEST_STEP = 2.0
 
-ROWS_IN_ORDER = 0.2
+ROWS_IN_ORDER = 0.15
 """That rows without times are in the order in which they were taken, and that evenly: so likely that a bias that moves
 shows, and that one that does not is as sure as if nothing could.
 """

@@ -98,8 +98,10 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     if question.noise is None:
         spread = readings.wrench[:, :3] - readings.wrench[:, :3].mean(axis=0)
         start = start * max(float(np.mean(spread**2)), 1e-20)
-    drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, readings.in_order)
     anew = not plain and question.earlier is None
+    drifts, log_prior = list[Drift](), list[float]()
+    if anew or (not plain and readings.in_order == 1.0):  # else another tool than the earlier one would pass for it
+        drifts, log_prior = possible_drifts(readings.time, readings.in_order)
     turns = anew and n > FEWEST_POSES and question.noise is None
     if anew and n > FEWEST_FOR_ORIENTATION:
         errors = orientation_errors(readings.R_base_flange, question.gravity_direction, readings.in_order)
