@@ -58,6 +58,15 @@ def test_a_computer_that_stalls_is_no_silence_of_the_device(every: float) -> Non
     assert silent.t < t + max(0.3, 4.0 * every)
 
 
+def test_silence_in_a_recording_is_said_however_fast_it_is_played() -> None:
+    """As fast as it goes, a look is two seconds of it behind the last one."""
+    intake = Intake("run.csv", "robot")
+    intake.opened(About("run.csv", wrench=True, orientation=True, rate=100.0, replay=True), 0.0)
+    intake.take(Batch([Sample(0.01 * k, orientation=(0.0, 0.0, 0.0, 1.0)) for k in range(200)]))
+    assert intake.look(2.0) == []
+    assert [event.text for event in intake.look(4.0)] == ["nothing for 2.01 s"]
+
+
 @pytest.mark.parametrize("asked", [83.3, 100.0, 1_000.0])
 @pytest.mark.parametrize("share", [0.5, 2.0, 4.0])
 def test_another_rate_is_said_soon_and_again_after_it_was_right(asked: float, share: float) -> None:
@@ -68,6 +77,16 @@ def test_another_rate_is_said_soon_and_again_after_it_was_right(asked: float, sh
         assert [event.kind for event in events] == ["rate", "rate"]
         assert 2.3 < events[0].t < 2.3 + 0.5
         assert 3.3 + right < events[1].t < 3.3 + right + 0.5
+
+
+@pytest.mark.parametrize("asked", [83.3, 125.0, 1_000.0])
+@pytest.mark.parametrize("share", [0.25, 0.5, 2.0, 4.0])
+def test_another_rate_is_said_soon_and_as_it_is_whenever_it_begins(asked: float, share: float) -> None:
+    """A window in which it began is no part of what is said."""
+    for begin in (2.3 + 0.011 * k for k in range(20)):
+        (event,) = said(asked, (asked, begin), (share * asked, 1.0))
+        assert begin < event.t < begin + 0.5
+        assert abs(float(event.text.partition(" ")[0]) / (share * asked) - 1.0) < 0.1
 
 
 @pytest.mark.parametrize("rate", [85.0, 115.0])
@@ -97,9 +116,7 @@ def test_bursts_at_the_right_rate_are_no_rate(burst: float) -> None:
 
 
 def said_when_busy(asked: float, seed: int, *spans: tuple[float, float]) -> list[Event]:
-    """As `said`, on a computer that stalls for 20 to 300 ms a third of the time, and then takes three samples at a time,
-    each half ms.
-    """
+    """As `said`, on a computer that stalls for 20 to 300 ms a third of the time, and takes 3 samples each half ms."""
     intake, events, rng = Intake("sri://sensor", "sensor"), list[Event](), np.random.default_rng(seed)
     intake.opened(About("a sensor", wrench=True, orientation=False, rate=asked), 0.0)
     due, begin = list[float](), 0.0

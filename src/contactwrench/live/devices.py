@@ -14,7 +14,7 @@ from ..model import AXES
 from .arrivals import Windows
 from .source import About, Batch, DeviceError, EndOfStreamError, NobodyYetError, Six, Source, now
 
-PROBE, COUNTED = (0.65, 0.2), 2
+PROBE, COUNTED = (0.7, 0.2), 2
 """s of a window, and the part by which two of them are to be off, and how often that is to be counted: what is held up
 at opening is no rate. What is less, the session says when it runs.
 """
