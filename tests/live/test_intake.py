@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from contactwrench.live.clock import LATE
@@ -42,6 +43,30 @@ def test_silence_is_said_once_and_soon() -> None:
     assert 5.2 < event.t < 5.4
 
 
+@pytest.mark.parametrize("every", [0.02, 0.2, 0.5])
+def test_a_computer_that_stalls_is_no_silence_of_the_device(every: float) -> None:
+    """What came meanwhile is taken one look later; a program that looks seldom is told of true silence all the same."""
+    intake = Intake("ur://robot", "robot")
+    intake.opened(About("a robot", wrench=False, orientation=True, rate=100.0), 0.0)
+    for k in range(300):
+        if k % 50 < 20:
+            t = 0.01 * k
+            assert [event for event in intake.look(t) if event.kind == "silent"] == []
+            intake.take(Batch([Sample(t, t, orientation=(0.0, 0.0, 0.0, 1.0))]))
+    (silent,) = [event for look in range(1, 20) for event in intake.look(t + every * look)]
+    assert silent.kind == "silent"
+    assert silent.t < t + max(0.3, 4.0 * every)
+
+
+def test_silence_in_a_recording_is_said_however_fast_it_is_played() -> None:
+    """As fast as it goes, a look is two seconds of it behind the last one."""
+    intake = Intake("run.csv", "robot")
+    intake.opened(About("run.csv", wrench=True, orientation=True, rate=100.0, replay=True), 0.0)
+    intake.take(Batch([Sample(0.01 * k, orientation=(0.0, 0.0, 0.0, 1.0)) for k in range(200)]))
+    assert intake.look(2.0) == []
+    assert [event.text for event in intake.look(4.0)] == ["nothing for 2.01 s"]
+
+
 @pytest.mark.parametrize("asked", [83.3, 100.0, 1_000.0])
 @pytest.mark.parametrize("share", [0.5, 2.0, 4.0])
 def test_another_rate_is_said_soon_and_again_after_it_was_right(asked: float, share: float) -> None:
@@ -52,6 +77,16 @@ def test_another_rate_is_said_soon_and_again_after_it_was_right(asked: float, sh
         assert [event.kind for event in events] == ["rate", "rate"]
         assert 2.3 < events[0].t < 2.3 + 0.5
         assert 3.3 + right < events[1].t < 3.3 + right + 0.5
+
+
+@pytest.mark.parametrize("asked", [83.3, 125.0, 1_000.0])
+@pytest.mark.parametrize("share", [0.25, 0.5, 2.0, 4.0])
+def test_another_rate_is_said_soon_and_as_it_is_whenever_it_begins(asked: float, share: float) -> None:
+    """A window in which it began is no part of what is said."""
+    for begin in (2.3 + 0.011 * k for k in range(20)):
+        (event,) = said(asked, (asked, begin), (share * asked, 1.0))
+        assert begin < event.t < begin + 0.5
+        assert abs(float(event.text.partition(" ")[0]) / (share * asked) - 1.0) < 0.1
 
 
 @pytest.mark.parametrize("rate", [85.0, 115.0])
@@ -78,6 +113,36 @@ def test_a_stall_is_no_rate(stall: float) -> None:
 def test_bursts_at_the_right_rate_are_no_rate(burst: float) -> None:
     """As a TCP stack makes them that acknowledges late."""
     assert [event for event in said(1_000.0, (1_000.0, 20.0), burst=burst) if event.kind == "rate"] == []
+
+
+def said_when_busy(asked: float, seed: int, *spans: tuple[float, float]) -> list[Event]:
+    """As `said`, on a computer that stalls for 20 to 300 ms a third of the time, and takes 3 samples each half ms."""
+    intake, events, rng = Intake("sri://sensor", "sensor"), list[Event](), np.random.default_rng(seed)
+    intake.opened(About("a sensor", wrench=True, orientation=False, rate=asked), 0.0)
+    due, begin = list[float](), 0.0
+    for rate, seconds in spans:
+        due += [begin + (k + 1) / rate for k in range(round(rate * seconds))]
+        begin += seconds
+    t, stalls = 0.0, rng.exponential(0.32)
+    while due:
+        if t >= stalls:
+            t += rng.uniform(0.02, 0.3)
+            stalls = t + rng.exponential(0.32)
+        came = [each for each in due[:3] if each <= t]
+        del due[: len(came)]
+        intake.take(Batch([Sample(t, each, wrench=(0.0,) * 6) for each in came]))
+        events += intake.look(t)
+        t += 0.0005
+    return events
+
+
+@pytest.mark.parametrize("asked", [83.3, 125.0, 500.0])
+def test_a_busy_computer_makes_no_rate_and_hides_none(asked: float) -> None:
+    """A stall that ended within a burst counted as too few, and half the rate was then not said for seconds."""
+    for seed in range(20):
+        assert [each for each in said_when_busy(asked, seed, (asked, 8.0)) if each.kind == "rate"] == []
+        (event,) = [each for each in said_when_busy(asked, seed, (asked, 3.0), (asked / 2, 4.0)) if each.kind == "rate"]
+        assert 3.0 < event.t < 4.7
 
 
 @pytest.mark.parametrize("replay", [True, False])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, gravity_in_flange, response, response_jacobian
-from .bias_drift import FEWEST_POSES, kernels_of, possible_drifts
+from .bias_drift import FEWEST_POSES, Drift, kernels_of, possible_drifts
 from .estimate import RigidEstimate
 from .hypotheses import WIDTHS, Hypothesis, hypotheses_of
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses

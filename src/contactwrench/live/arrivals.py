@@ -17,13 +17,18 @@ COUNTED = 10
 """Samples that are to come in a window, which is longer for a slow device: one more or less makes no other rate."""
 RIGHT = 0.5
 """Of the part by which a rate is off: within it, it is right again. One at the limit is not said over and over so."""
+STILL_READ = 2.0
+"""Times as fast as within the window comes the rest of a burst, which a busy computer reads piece by piece: a window
+that ended within it had too few, and the next too many. A rate that grew makes one window at most twice as long.
+"""
 
 
 class Windows:
     """Samples counted in windows of at least `over` s, from one arrival to another, so that bursts count as what they
-    are. Of the last two windows `counted` have ended, with `rate` Hz, None before. It is `off` where both differ from
-    `asked`, Hz, by more than the part `by`, and less from each other: a stall, the burst behind it and silence are no
-    rate; and `right` where the last one has it.
+    are: each ends where a burst has been read. Of the last two windows `counted` have ended, with `rate` Hz, None
+    before. Where both differ from `asked`, Hz, by more than the part `by`, and less from each other, `off` is the rate
+    of the last one, as that began within the first, else 0: a stall, the burst behind it and silence are no rate. It is
+    `right` where all have it.
     """
 
     def __init__(self, asked: float | None, over: float, by: float) -> None:
@@ -34,24 +39,34 @@ class Windows:
     def begin(self, t: float) -> None:
         """Count anew, from `t` s on."""
         self._marks: deque[tuple[float, int]] = deque(maxlen=3)
-        self._due, self.counted, self.off, self.right = t, 0, False, False
+        self._due, self._is_read, self.counted, self.off, self.right = t, True, 0, 0.0, False
         self.rate: float | None = None
 
     def look(self, samples: int, t: float) -> None:
         """Count on; so many `samples` have come in all, the last of them at `t` s."""
-        if t < self._due or (self._marks and samples == self._marks[-1][1]):
+        if t >= self._due:
+            self._is_read = not self._marks
+        elif self._is_read:
             return
-        self._due = t + self._over
+        else:
+            (begin, before), (end, after) = self._marks[-2], self._marks[-1]
+            self._is_read = (samples - after) * (end - begin) <= STILL_READ * (after - before) * (t - end)
+            if self._is_read:
+                self._judge()
+                return
+            self._marks.pop()
         self._marks.append((t, samples))
+        self._due = t + self._over
+
+    def _judge(self) -> None:
         rates = [(after - before) / (end - begin) for (begin, before), (end, after) in pairwise(self._marks)]
-        if not rates:
-            return
         self.counted, self.rate = len(rates), sum(rates) / len(rates)
         if self._asked is not None:
             errors = [rate / self._asked - 1.0 for rate in rates]
             least = min(map(abs, errors))
-            self.right = abs(errors[-1]) < RIGHT * self._by
-            self.off = len(rates) == 2 and least > max(self._by, abs(errors[1] - errors[0])) and min(rates) > 0.0
+            self.right = max(map(abs, errors)) < RIGHT * self._by
+            is_off = len(rates) == 2 and least > max(self._by, abs(errors[1] - errors[0])) and min(rates) > 0.0
+            self.off = rates[-1] if is_off else 0.0
 
 
 class Rate:
@@ -76,7 +91,7 @@ class Rate:
         self.hz = self._surely.rate or self.hz
         if self._off is None:
             self._off = next((each for each in (self._soon, self._surely) if each.off), None)
-            return None if self._off is None else self._off.rate
+            return None if self._off is None else self._off.off
         if self._off.right:
             self.begin(t)
         return None

@@ -16,6 +16,8 @@ from .source import About, Batch, NoteKind, Sample
 
 SILENT, PERIODS = 0.25, 6.0
 """s, and periods at the rate that was seen or asked for, without a sample: the longer of both is silence."""
+SEEN = 0.1
+"""s of silence that a look adds at most: a computer that stalls does not know yet what came; of a recording it does."""
 BACKLOG = 0.5
 """s after a device is there in which it may send what it had kept."""
 LOOK_EVERY = 0.02
@@ -58,6 +60,7 @@ class Intake:
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
+        self._quiet = 0.0
         self._looked = self._noted = self._late = self._said_late = self._said_stands = self._settled = -inf
         self._told, self._pace, self._later = (0, 0), 1.0, 0.0
         self._has_time = False
@@ -168,7 +171,9 @@ class Intake:
         self._usual = 1.0 / rate if rate else self._usual
         usual = max(SILENT, PERIODS / rate if rate else 0.0, 2.0 * self._bursts.period)
         what, last = min(self._last.items(), key=lambda item: item[1])
-        if self.state == STREAMING and t - last > usual:
+        plays = self.about is not None and self.about.replay
+        self._quiet = t - last if plays else min(t - last, self._quiet + SEEN)
+        if self.state == STREAMING and self._quiet > usual:
             missing = "nothing" if last == max(self._last.values()) else f"no {what}"
             self.state, self.text = QUIET, f"{missing} comes"
             events.append(self._event(t, "silent", "error", f"{missing} for {t - last:.2f} s"))
