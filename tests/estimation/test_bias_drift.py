@@ -13,7 +13,7 @@ import contactwrench as cw
 from benchmarks.errors import direction, in_a_cone
 from contactwrench.calibration.findings import Kind, Severity
 from contactwrench.estimation import outliers, rigid
-from contactwrench.estimation.bias_drift import ONLY_THE_LAST, STRENGTHS, Drift, Kernels, kernels_of, possible_drifts
+from contactwrench.estimation.bias_drift import OF_ONE_POSE, STRENGTHS, Drift, Kernels, kernels_of, possible_drifts
 from contactwrench.estimation.least_squares import Members
 from contactwrench.estimation.one_direction import log_either
 from tests.support.rigs import NOISE, example, noisy
@@ -156,7 +156,7 @@ def test_a_step_may_have_been_before_any_pose_and_a_steady_bias_is_likelier() ->
     places = {drift.first_after: p for drift, p in zip(drifts, log_prior, strict=True) if drift.first_after}
     assert sorted(places) == list(range(1, 12))
     assert len(set(places.values())) == 2
-    assert np.exp(places[11] - places[10]) == pytest.approx(ONLY_THE_LAST)
+    assert np.exp([places[1] - places[2], places[11] - places[10]]) == pytest.approx(OF_ONE_POSE)
     assert kernels.drifts[kernels.drift[0]].kind is None
     assert np.exp(kernels.log_prior[1:]).sum() == pytest.approx(np.exp(log_prior).sum())
     assert np.exp(log_prior).sum() < np.exp(kernels.log_prior[0])
@@ -167,7 +167,7 @@ def test_of_poses_that_may_be_in_order_the_same_is_looked_for_and_is_as_much_les
     perhaps, log_prior_perhaps = possible_drifts(np.arange(24.0), 0.5)
     assert [drift.first_after for drift in perhaps] == [drift.first_after for drift in known]
     assert np.exp(log_prior_perhaps) == pytest.approx(0.5 * np.exp(log_prior))
-    assert possible_drifts(np.arange(3.0), 1.0) == ([], [])
+    assert possible_drifts(np.arange(3.0), 1.0) == possible_drifts(np.arange(101.0), 0.5) == ([], [])
     steady = kernels_of(24, [], [])
     assert (len(steady.drift), steady.log_prior.tolist()) == (1, [0.0])
 

@@ -30,9 +30,9 @@ STRENGTHS_OF_MANY = STRENGTHS[STRENGTHS < MOST_OF_MANY]
 ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.4, Kind.BIAS_STEPPED: 0.09}
 """Before the readings, against a steady bias and independent errors; of a step, that it happened anywhere."""
 
-ONLY_THE_LAST = 0.05
-"""Of the odds of a step elsewhere, those of one before the last pose: what one pose alone shows is a contact, in nearly
-all cases, and reads the same.
+OF_ONE_POSE = 0.05
+"""Of the odds of a step elsewhere, those of one after the first pose or before the last: what one pose alone shows is a
+contact, in nearly all cases, and reads the same.
 """
 
 TIME_CONSTANTS = (np.inf, 1.0, 1.0 / 3.0, 0.1)
@@ -46,8 +46,8 @@ MOST_POSES = 400
 SMOOTH = 32
 """Columns of a walk: what is left out has a thousandth of its variance."""
 
-FEWEST_POSES = 3
-"""Of so many nothing is looked for."""
+FEWEST_POSES, MOST_IN_ANY_ORDER = 3, 100
+"""Of so few nothing is looked for; nor of more rows without times: they were taken on the way, most often."""
 
 SHARE_OF_WEIGHT: dict[Kind | None, float] = {
     Kind.GAIN: 0.01,
@@ -137,7 +137,7 @@ def possible_drifts(time: Array, in_order: float) -> tuple[list[Drift], list[flo
     """How the bias of poses may have moved that were taken at these times (n,), s, with the probability `in_order`, and
     the logarithm of the odds of each.
     """
-    if (n := len(time)) <= FEWEST_POSES:
+    if (n := len(time)) <= FEWEST_POSES or (in_order < 1.0 and n > MOST_IN_ANY_ORDER):
         return [], []
     before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
     drifts = [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)) for tau in TIME_CONSTANTS]
@@ -147,8 +147,8 @@ def possible_drifts(time: Array, in_order: float) -> tuple[list[Drift], list[flo
     before_each = (np.arange(n) < places[:, None]).astype(np.float64)[..., None]
     drifts += [Drift(Kind.BIAS_STEPPED, own, k) for own, k in zip(before_each, places.tolist(), strict=True)]
     each.append(float(np.log(ODDS[Kind.BIAS_WANDERED])))
-    each += [float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places)))] * (len(places) - 1)
-    each.append(float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places) * ONLY_THE_LAST)))
+    of_place = ODDS[Kind.BIAS_STEPPED] / len(places) * np.r_[OF_ONE_POSE, np.ones(len(places) - 2), OF_ONE_POSE]
+    each += np.log(of_place).tolist()
     return drifts, [log_odds + float(np.log(in_order)) for log_odds in each]
 
 
