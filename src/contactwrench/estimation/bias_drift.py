@@ -46,8 +46,8 @@ MOST_POSES = 400
 SMOOTH = 32
 """Columns of a walk: what is left out has a thousandth of its variance."""
 
-FEWEST_POSES, MOST_IN_ANY_ORDER = 3, 100
-"""Of so few nothing is looked for; nor of more rows without times: they were taken on the way, most often."""
+FEWEST_POSES, MOST_STOPS = 3, 100
+"""Poses: of so few nothing is looked for; more were taken on the way, most often, and tell little by their order."""
 
 SHARE_OF_WEIGHT: dict[Kind | None, float] = {
     Kind.GAIN: 0.01,
@@ -137,7 +137,7 @@ def possible_drifts(time: Array, in_order: float) -> tuple[list[Drift], list[flo
     """How the bias of poses may have moved that were taken at these times (n,), s, with the probability `in_order`, and
     the logarithm of the odds of each.
     """
-    if (n := len(time)) <= FEWEST_POSES or (in_order < 1.0 and n > MOST_IN_ANY_ORDER):
+    if (n := len(time)) <= FEWEST_POSES or (in_order < 1.0 and n > MOST_STOPS):
         return [], []
     before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
     drifts = [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)) for tau in TIME_CONSTANTS]

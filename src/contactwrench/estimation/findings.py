@@ -17,11 +17,11 @@ from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
 from ..geometry.rotations import spread_rotations
 from ..model import AXES, affine_jacobian, gravity_in_flange, wrench_jacobian
+from .bias_drift import MOST_STOPS
 from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
 from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, tilts_widely
 from .priors import Question
-from .robot_errors import MOST_ALIKE as MOST_TURNED_ALIKE
 
 WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE, MISREAD_SHARE = 0.10, 0.10, 0.10, 0.4
 """Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
@@ -240,7 +240,7 @@ def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
     not, and no std holds. What is counted may be alike: the robot's errors, the mean.
     """
     n = len(fit.residuals)
-    left = fit.beyond_robot if len(readings) <= MOST_TURNED_ALIKE else fit.residuals
+    left = fit.beyond_robot if len(readings) <= MOST_STOPS else fit.residuals
     left = (left - left.mean(axis=0)) / np.maximum(left.std(axis=0), 1e-300)
     alike = float(np.mean(left[1:] * left[:-1])) if n > 1 else 0.0
     worth = (1.0 - alike) / max(1.0 + alike, 1e-300)

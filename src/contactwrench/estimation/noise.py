@@ -51,9 +51,9 @@ OFF_GROUP = np.eye(6) - OF_GROUP / 3.0
 LEAST_DOF = 0.05
 LARGEST_STEP = 2.0
 
-ROWS_IN_ORDER = 0.15
-"""That rows without times are in the order in which they were taken, and that evenly: so likely that a bias that moves
-shows, and that one that does not is as sure as if nothing could.
+ROWS_IN_ORDER = 0.1
+"""That rows without times are in the order in which they were taken, and evenly: likely enough that a bias that moves
+shows; more would make their order count where none does.
 """
 
 MOST_DOF = 1e6

@@ -19,7 +19,7 @@ from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import RigidTool, gravity_in_flange, wrench_matrix
-from .bias_drift import Kernels
+from .bias_drift import MOST_STOPS, Kernels
 from .error_covariance import AlikeOnAxes, Turned, Turns, of_larger
 from .least_squares import Members
 from .noise import LEAST_DOF
@@ -30,9 +30,6 @@ ODDS = 1.0
 
 CORRELATION = 0.85
 """Of the error from one pose to the next, where they have one in common."""
-
-MOST_ALIKE = 100
-"""Poses: with more, taken on the way most often, each has an error for itself."""
 
 FURTHEST = 5.0 * USUAL
 """rad, standard deviation: what leaves more is no robot's error."""
@@ -50,9 +47,9 @@ Begun: TypeAlias = Callable[[], Turned | None]
 
 def turns_of_robot(n: int) -> tuple[Array | None, ...]:
     """How errors of the robot's orientation may be alike at n poses: not at all, None, or from one to the next, (n, n),
-    of few enough.
+    where these are stops.
     """
-    if n > MOST_ALIKE:
+    if n > MOST_STOPS:
         return (None,)
     return (None, CORRELATION ** np.abs(np.subtract.outer(np.arange(n), np.arange(n))))
 

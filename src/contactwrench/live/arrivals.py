@@ -80,7 +80,7 @@ class Rate:
 
     def begin(self, t: float) -> None:
         """Count anew, from `t` s on."""
-        self._off: Windows | None = None
+        self._said: Windows | None = None
         self._surely.begin(t)
         self._soon.begin(t)
 
@@ -89,10 +89,10 @@ class Rate:
         self._surely.look(samples, t)
         self._soon.look(samples, t)
         self.hz = self._surely.rate or self.hz
-        if self._off is None:
-            self._off = next((each for each in (self._soon, self._surely) if each.off), None)
-            return None if self._off is None else self._off.off
-        if self._off.right:
+        if self._said is None:
+            self._said = next((each for each in (self._soon, self._surely) if each.off), None)
+            return None if self._said is None else self._said.off
+        if self._said.right:
             self.begin(t)
         return None
 
