@@ -194,6 +194,22 @@ def test_a_step_in_rows_without_times_is_in_doubt_and_in_another_order_it_is_non
     assert calibration.verdict != "good"
 
 
+def test_a_bias_that_moves_through_more_rows_than_anybody_stops_at_is_in_doubt() -> None:
+    """Nothing follows it in over 100 rows without times: a drift of 15 noise std, along one axis alone or along all."""
+    for seed, axes in ((0, [0]), (1, [2]), (2, [0, 1, 2, 3, 4, 5])):
+        rig, _, rng = _rig(seed)
+        R = random_rotations(120, rng)
+        drift = np.zeros((120, 6))
+        drift[:, axes] = np.outer(np.linspace(-1.0, 0.0, 120), 15.0 * NOISE[axes])
+        steady = noisy_readings(rig, R, NOISE, rng)
+        moved, other = (cw.calibrate(cw.Samples(wrench, R), "mount") for wrench in (steady + drift, steady))
+        (said,) = (f for f in moved.findings if "what is left in one pose is left in the next too" in f.text)
+        ends = "a cable: give the times (a column t)" if len(axes) == 1 else "and give the times in a column t"
+        assert said.text.endswith(ends)
+        assert said.severity is (Severity.DOUBTFUL if len(axes) == 1 else Severity.WEAK)
+        assert not any("what is left in one pose" in finding.text for finding in other.findings)
+
+
 def test_a_bias_that_moves_through_rows_without_times_is_followed_if_they_are_in_order() -> None:
     """A walk of 4 noise std a pose, and a drift of 8 in all, of ten poses; shuffled or steady, nobody tells one."""
     found = {"walk": 0, "drift": 0, "shuffled": 0, "steady": 0}

@@ -171,3 +171,9 @@ class RigidEstimate(Estimate):
     def change(self) -> Array:
         """What each pose's bias was off the last one (n, 6), where it is believed to have moved; else zero."""
         return np.zeros_like(self.errors) if self.beliefs is None or not self.bias_moved else self.beliefs.change
+
+
+def alike_to_the_next(left: Array) -> Array:
+    """Correlation (6,) of what is `left` (m, 6) in a pose with what is left in the next, of each axis; of one pose 0."""
+    left = (left - left.mean(axis=0)) / np.maximum(left.std(axis=0), 1e-300)
+    return np.asarray(np.mean(left[1:] * left[:-1], axis=0)) if len(left) > 1 else np.zeros(6)

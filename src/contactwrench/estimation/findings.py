@@ -18,7 +18,7 @@ from ..geometry.arrays import Array
 from ..geometry.rotations import spread_rotations
 from ..model import AXES, affine_jacobian, gravity_in_flange, wrench_jacobian
 from .bias_drift import MOST_STOPS
-from .estimate import Estimate, RigidEstimate
+from .estimate import Estimate, RigidEstimate, alike_to_the_next
 from .noise import PoseReadings
 from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, tilts_widely
 from .priors import Question
@@ -34,8 +34,7 @@ is no sign of a file that is read wrongly. Of 336 light tools read wrongly none 
 
 COM_STD = 0.010
 FEWEST_DOF = 3.0
-NOISE_RATIO = 10.0
-STATED_NOISE_RATIO = 5.0
+NOISE_RATIO, STATED_NOISE_RATIO = 10.0, 5.0
 ALIKE = 0.5
 """Correlation of what is left in poses that follow each other, up to which a std is at most 1.7 times too small."""
 
@@ -226,8 +225,7 @@ def _poor_fit(fit: Estimate) -> Row:
 
 def _unconfirmed(fit: Estimate) -> Row:
     """Left out, poses are missed far: with what else there may be, each explains itself."""
-    missed = fit.force_missed
-    share = missed / max(fit.weight_scale, 1e-300)
+    share = (missed := fit.force_missed) / max(fit.weight_scale, 1e-300)
     text = (
         f"the other poses miss what a pose reads by {missed:.2g} N, {100.0 * share:.0f} % of the weight, though all "
         "together leave far less: nothing confirms what explains them; check the orientations, and record more poses"
@@ -237,20 +235,22 @@ def _unconfirmed(fit: Estimate) -> Row:
 
 def _correlated_poses(fit: Estimate, readings: PoseReadings) -> Row:
     """What is left in one pose is left in the next as well: poses are taken for independent, which rows on the way are
-    not, and no std holds. What is counted may be alike: the robot's errors, the mean.
+    not, and no std holds; or a bias moved that nothing follows. Alike may be what is counted: the robot's errors.
     """
     n = len(fit.residuals)
-    left = fit.beyond_robot if len(readings) <= MOST_STOPS else fit.residuals
-    left = (left - left.mean(axis=0)) / np.maximum(left.std(axis=0), 1e-300)
-    alike = float(np.mean(left[1:] * left[:-1])) if n > 1 else 0.0
-    worth = (1.0 - alike) / max(1.0 + alike, 1e-300)
+    of_axes = alike_to_the_next(fit.beyond_robot if len(readings) <= MOST_STOPS else fit.residuals)
+    alike, of_one = float(of_axes.mean()), float(of_axes.max())
+    worth = n * (1.0 - alike) / max(1.0 + alike, 1e-300)
+    found = "what is left in one pose is left in the next too (correlation"
     text = (
-        f"what is left in one pose is left in the next too (correlation {alike:.2f}), as in rows taken while the arm "
-        f"moves: these {n} poses tell as much as {max(worth * n, 1.0):.0f}, and every std is too small: stop at each "
-        "orientation, and give the times in a column t"
+        f"{found} {alike:.2f}), as in rows taken while the arm moves: these {n} poses tell as much as "
+        f"{max(worth, 1.0):.0f}, and every std is too small: stop at each orientation, and give the times in a column t"
     )
-    shows = n >= FEWEST_IN_A_ROW and alike > max(ALIKE, ALIKE_SHOWS / np.sqrt(2.0 * n))
-    return shows, WEAK, Kind.CORRELATED_POSES, text
+    if n >= FEWEST_IN_A_ROW and alike > max(ALIKE, ALIKE_SHOWS / np.sqrt(2.0 * n)):
+        return True, WEAK, Kind.CORRELATED_POSES, text
+    text = f"{found} {of_one:.2f}), as of a bias that moves, or a cable: give the times (a column t)"
+    shows = readings.in_order < 1.0 and max(alike * np.sqrt(6.0), of_one) * np.sqrt(n) > ALIKE_SHOWS
+    return shows, DOUBTFUL, Kind.DRIFT_IN_DOUBT, text
 
 
 def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:
