@@ -174,6 +174,6 @@ class RigidEstimate(Estimate):
 
 
 def alike_to_the_next(left: Array) -> Array:
-    """Correlation (6,) of what is `left` (m, 6) in a pose with what is left in the next, of each axis; of one pose 0."""
+    """Correlation (6,) of what is `left` (m, 6) in a pose with what is left in the next, each axis; 0 of one pose."""
     left = (left - left.mean(axis=0)) / np.maximum(left.std(axis=0), 1e-300)
     return np.asarray(np.mean(left[1:] * left[:-1], axis=0)) if len(left) > 1 else np.zeros(6)
