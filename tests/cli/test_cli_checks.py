@@ -125,6 +125,27 @@ def test_a_bad_fit_by_what_is_known_names_that(tmp_path: Path, capsys: Capture) 
         assert done.status == bool(expected)
 
 
+def test_a_new_zero_of_another_tool_fails_the_check_and_is_not_written(tmp_path: Path, capsys: Capture) -> None:
+    rig, R, rng = example(1, 24)
+    tool, other = replace(rig, weight=20.0), replace(rig, weight=27.0)
+    table = Written(QUAT, quat)
+    path = written(tmp_path, table.text(R[:12], noisy_readings(tool, R[:12], NOISE, rng)))
+    earlier, zero = tmp_path / "tool.json", tmp_path / "zero.json"
+    assert run(capsys, "calibrate", path, "-o", earlier).status == 0
+    for now, status in ((tool, 0), (other, 1)):
+        path = written(tmp_path, table.text(R[12:], noisy_readings(now, R[12:], NOISE, rng)))
+        done = run(capsys, "calibrate", path, "--prior", earlier, "-o", zero)
+        assert (done.status, zero.exists()) == (status, status == 0)
+        zero.unlink(missing_ok=True)
+    assert re.fullmatch(
+        r"The fit is bad: \d\.?\d? N are left in the poses, \d\d % of the weight: the poses contradict the earlier "
+        r"calibration: tool, mounting or base changed, the tool touches something, or the poses are noisier \(--noise\); "
+        r"calibrate anew, without --prior; if it is the readings, contactwrench diagnose tries the other ways to read "
+        r"the file; not written, --force writes it\n",
+        done.err,
+    ), done.err
+
+
 KNOWN_IS_WRONG = (
     r"The fit is bad: \d\.?\d? N are left in the poses, \d\d % of the weight: the readings contradict the known mount "
     r"\(probability .+\): by themselves they give another direction: one of the two is wrong; if it is the readings, "

@@ -108,7 +108,10 @@ def test_who_takes_such_a_tool_as_known_inherits_the_doubt() -> None:
     wrench = noisy_readings(rig, R, OF_MEAN, rng)
     earlier = cw.calibrate(cw.Samples(wrench, R), "mount")
     again = cw.calibrate(cw.Samples(wrench[:1], R[:1]), prior=earlier)
-    assert _said(again) == _said(earlier) != []
+    third = cw.calibrate(cw.Samples(wrench[1:2], R[1:2]), prior=again)
+    (said,) = (finding.text for finding in _said(earlier))
+    for later in (again, third):
+        assert [finding.text for finding in _said(later)] == [f"{said} (earlier calibration)"]
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ def doubts(
             rows.append(_gain_of_axis(estimate, readings))
     uncertain = uncertain_parameters(estimate, readings, trade_offs)
     of_sensor = not uncertain and _is_as_of_a_sensor(estimate, readings)
-    if question.earlier is None and not (estimate.reduced_chi2 < STATED_NOISE_RATIO if stated else of_sensor):
+    if not (estimate.reduced_chi2 < STATED_NOISE_RATIO if stated else of_sensor):
         rows.append(_poor_fit(estimate))
     rows.append(_correlated_poses(estimate, readings))
     if question.earlier is None:

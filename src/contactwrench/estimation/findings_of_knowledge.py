@@ -14,7 +14,7 @@ from ..model import MOUNT, PARAMETERS, wrench_jacobian
 from ..samples.poses import Pose
 from ..statistics import MisfitTest, counted, percent
 from .estimate import Estimate, RigidEstimate
-from .findings import DOUBTFUL, SIGNIFICANCE, WEAK, Row, largest_force_std, those_that_hold
+from .findings import DOUBTFUL, NOTE, SIGNIFICANCE, WEAK, Row, largest_force_std, those_that_hold
 from .moved_bias import held_against, noise_dof
 from .noise import PoseReadings, variance_of_means
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, rows_of, stated_knowledge
@@ -24,6 +24,9 @@ from .variance_components import inverse_of
 OPEN_SHARE = 0.025
 """Of the weight: by so much, a standard deviation, poses may leave the contact force open that are to show whether tool
 and mounting are those of before. A mounting that slipped by 5 deg makes 9 % of it.
+"""
+FAR_BETTER = 0.5
+"""Of the std of the contact force that the earlier calibration leaves: what the poses alone would, for that to be said.
 """
 UNLIKELY = 0.01
 """The probability by which less is left of an earlier calibration that holds, from which on that it does is doubted."""
@@ -54,22 +57,30 @@ def of_prior(fit: Estimate, readings: PoseReadings, poses: Iterable[Pose], quest
     rows = [
         (by_chance < SIGNIFICANCE, WEAK, Kind.CONTRADICTS_PRIOR, contradict),
         (SIGNIFICANCE <= by_chance < UNLIKELY, DOUBTFUL, Kind.CONTRADICTS_PRIOR, unlike),
-        _rests_on_prior(fit, R, np.sqrt(variance)),
+        *_beside_prior(fit, R, np.sqrt(variance), by_chance >= UNLIKELY),
     ]
     return those_that_hold(rows)
 
 
-def _rests_on_prior(fit: RigidEstimate, R_base_flange: Array, std: Array) -> Row:
-    """By themselves the poses would leave the contact force open somewhere, or a moving bias took what they tell."""
+def _beside_prior(fit: RigidEstimate, R_base_flange: Array, std: Array, agree: bool) -> list[Row]:
+    """By themselves the poses would leave the contact force open somewhere, or a moving bias took what they tell; or
+    they `agree` with the earlier calibration, and would leave it open far less.
+    """
     J = wrench_jacobian(fit.tool, R_base_flange, fit.names) / std[..., None]
     alone = inverse_of(np.sum(J.transpose(0, 2, 1) @ J, axis=0))
     open_by = largest_force_std(replace(fit, covariance=alone, gain_covariance=None))
+    rests = open_by > OPEN_SHARE * fit.weight_scale or fit.bias_moved
     text = (
         "that tool, mounting and base are those of the earlier calibration is taken for granted: "
         f"{counted(len(J), 'pose')}{' with a moving bias' * fit.bias_moved} cannot show others; record more, tilted by "
         "30 deg or more"
     )
-    return open_by > OPEN_SHARE * fit.weight_scale or fit.bias_moved, DOUBTFUL, Kind.RESTS_ON_PRIOR, text
+    better = (
+        "tool, mounting and base stay as the earlier calibration has them, and by themselves these poses tell them "
+        "better: calibrate without --prior"
+    )
+    tell_more = agree and not rests and open_by < FAR_BETTER * largest_force_std(fit)
+    return [(rests, DOUBTFUL, Kind.RESTS_ON_PRIOR, text), (tell_more, NOTE, Kind.ADVICE, better)]
 
 
 def of_known(known: Mapping[str, tuple[Any, Any]], readings: PoseReadings, question: Question) -> list[Finding]:
@@ -77,7 +88,7 @@ def of_known(known: Mapping[str, tuple[Any, Any]], readings: PoseReadings, quest
     if not known or 6 * len(readings) <= len(PARAMETERS[model_fitted(question.model)]):
         return []
     tilts = TiltPriors(question.priors.mount or MOUNT_TILT_SD, question.priors.base or BASE_TILT_SD)
-    question = replace(question, knowledge=(), priors=tilts)
+    question = replace(question, knowledge=(), earlier=None, priors=tilts)
     free = estimated(readings, question)
     asked = [(name, replace(question, knowledge=stated_knowledge({name: pair}))) for name, pair in known.items()]
     held = [(name, each) for name, each in asked if name != "mount" or MOUNT[0] in free.names]

@@ -71,6 +71,12 @@ SURELY = "? Weigh the tool; contactwrench diagnose lists other units and signs; 
 NOISIER = 1.5
 """By so much, as a factor, what is left of two tools on one sensor may differ."""
 
+OF_TOOL_SENSOR_AND_BASE = (
+    *(Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE, Kind.CREEP, Kind.CONTRADICTS_MODEL),
+    *(Kind.CROSS_TALK, Kind.UNEQUAL_NOISE, Kind.POOR_FIT),
+)
+OF_EARLIER = " (earlier calibration)"
+
 LIGHTEST_TOOL = 0.5
 """N: few tools weigh less, and what a controller leaves of one whose payload it subtracts mostly does."""
 
@@ -166,8 +172,8 @@ def on_one_sensor(calibrations: Sequence[Calibration]) -> tuple[Calibration, ...
 
 def inherited(prior: Calibration | None) -> tuple[Finding, ...]:
     """What is odd of an earlier calibration, and so of one that takes its tool and base as known."""
-    of_tool_and_base = (Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE, Kind.CREEP, Kind.CONTRADICTS_MODEL)
-    return () if prior is None else tuple(each for each in prior.findings if each.kind in of_tool_and_base)
+    odd = () if prior is None else (each for each in prior.findings if each.kind in OF_TOOL_SENSOR_AND_BASE)
+    return tuple(replace(each, text=each.text.removesuffix(OF_EARLIER) + OF_EARLIER) for each in odd)
 
 
 def _leaning(estimate: RigidEstimate, question: Question) -> Iterator[Finding]:

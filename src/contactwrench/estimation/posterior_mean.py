@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..calibration.findings import BIAS_MOVED, Kind
@@ -37,7 +39,10 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     """The mean of all members of the tables, which are linearised at one tool; if `plain`, without held-out errors, and
     but for `auto` without beliefs.
     """
-    names, columns, first, auto = problem.names, problem.columns, tables[0], problem.question.model == "auto"
+    names, columns, auto, free = problem.names, problem.columns, problem.question.model == "auto", tables[0]
+    if problem.question.earlier is not None:
+        tables = [_with_tool_as_known(table) for table in tables]
+    first = tables[0]
     tool, bias = first.tool, slice(4, 10)
     log_all = np.concatenate([table.members.log_evidence for table in tables])
     weight = np.exp(log_all - np.logaddexp.reduce(log_all))
@@ -94,7 +99,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         dof=_dof(problem, first, of_axes, spread, covariance - hidden),
         kept=first.kept,
         errors=errors,
-        held_out=None if plain else deleted_errors(problem, first),
+        held_out=None if plain else deleted_errors(problem, free),
         reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
@@ -102,6 +107,16 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         gain_covariance=0.5 * (of_B + of_B.T) if of_B.any() else None,
         beliefs=believed,
     )
+
+
+def _with_tool_as_known(table: Table) -> Table:
+    """The table with the tool that is known beforehand, and its covariance, whatever the readings say of it: with the
+    same sensor, cable and arm, errors that made the earlier tool what it is are there again, and do not average out
+    (the "consider" update of Schmidt, 1966). What moved, and which poses belong, was found with a tool free to follow.
+    """
+    m, covariance = table.members, inverse_of(table.priors.information)[table.members.hypothesis]
+    step = covariance @ table.priors.pull[m.hypothesis][..., None]
+    return replace(table, members=replace(m, step=step[..., 0], covariance=covariance))
 
 
 def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Array:
@@ -230,10 +245,12 @@ def _of_axes(problem: Problem, table: Table) -> tuple[Array, Array]:
     V = covariance_of_errors(problem, table, best)
     J = wrench_jacobian(table.tool, problem.R_base_flange[table.kept], problem.names)
     weighted = V.precision_times(J)
-    information = np.tensordot(J, weighted, ((0, 1), (0, 1)))
+    if problem.question.earlier is not None:  # the readings settle the bias alone
+        weighted[:, :, problem.columns] = 0.0
+    information = np.tensordot(weighted, J, ((0, 1), (0, 1)))
     information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[best]]
     base = V.base if isinstance(V, Turned) else V
-    of_reading = weighted @ (covariance := inverse_of(information))
+    of_reading = weighted @ (covariance := inverse_of(information).T)
     gain = of_reading * np.sqrt(m.variance[best])[:, None]
     of_noise = gain * np.sqrt(problem.relative[table.kept])[:, None, None]
     of_kernel = base.strength * np.tensordot(base.columns[table.kept], gain, (0, 0))

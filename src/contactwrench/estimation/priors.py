@@ -277,14 +277,13 @@ def _require_same_gravity(prior: Calibration, stated: tuple[Any, Any] | None) ->
 
 
 def with_errors_of(calibration: Calibration, prior: Calibration | None) -> Calibration:
-    """A calibration with what an earlier one found of the sensor's gain and the robot's orientation, so far as its own
-    poses say nothing of these: a new zero makes neither exact, and is off by what a gain reads in its poses.
+    """A calibration with what an earlier one found of the sensor's gain and the robot's orientation: a new zero makes
+    neither exact, and is off by what a gain reads in its poses.
     """
     if prior is None:
         return calibration
-    gain, turns = calibration.gain_covariance, calibration.orientation_std
     covariance, of_B = calibration.covariance.copy(), calibration.B_covariance.copy()
-    if gain is None and (gain := prior.gain_covariance) is not None:
+    if (gain := prior.gain_covariance) is not None:
         kept, many = [pose.R_base_flange for pose in calibration.fitted_poses], calibration.moments
         mean = np.mean(kept, axis=0) if many is None else many.design[9, :9].reshape(3, 3) / many.n
         of_mean = np.append(calibration.gravity_direction @ mean, 0.0)
@@ -296,5 +295,5 @@ def with_errors_of(calibration: Calibration, prior: Calibration | None) -> Calib
         covariance=covariance,
         B_covariance=of_B,
         gain_covariance=gain,
-        orientation_std=prior.orientation_std if turns is None else turns,
+        orientation_std=prior.orientation_std,
     )

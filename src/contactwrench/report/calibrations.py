@@ -178,7 +178,7 @@ def _bad_fit(c: Calibration) -> list[str]:
         return [
             f"{others.said}; what fits badly apart too may be read wrongly: contactwrench diagnose tries the other ways"
         ]
-    if known := of_kind.get(Kind.CONTRADICTS_KNOWN):
+    if known := of_kind.get(Kind.CONTRADICTS_KNOWN) or of_kind.get(Kind.CONTRADICTS_PRIOR):
         both = f"{poor.brief}: {known.said}"
         return [f"{both}; if it is the readings, contactwrench diagnose tries the other ways to read the file"]
     return [poor.said]
