@@ -139,9 +139,9 @@ def test_a_new_zero_of_another_tool_fails_the_check_and_is_not_written(tmp_path:
         zero.unlink(missing_ok=True)
     assert re.fullmatch(
         r"The fit is bad: \d\.?\d? N are left in the poses, \d\d % of the weight: the poses contradict the earlier "
-        r"calibration: tool, mounting or base changed, the tool touches something, or the poses are noisier \(--noise\); "
-        r"calibrate anew, without --prior; if it is the readings, contactwrench diagnose tries the other ways to read "
-        r"the file; not written, --force writes it\n",
+        r"calibration: tool, mounting or base changed, the tool touches something, or the poses are noisier "
+        r"\(--noise\); calibrate anew, without --prior; if it is the readings, contactwrench diagnose tries the other "
+        r"ways to read the file; not written, --force writes it\n",
         done.err,
     ), done.err
 

@@ -124,7 +124,7 @@ def test_what_is_known_of_turns_and_drift_is_their_regression_on_the_readings(
     *_, V, dense = case
     errors = np.random.default_rng(3).multivariate_normal(np.zeros(48), _of_kept(V, dense)).reshape(8, 6)
     weighted = V.precision_times(errors[:, :, None])[:, :, 0]
-    of_turns, of_drift = V.by_turns(weighted), V.base.in_common(weighted)
+    of_turns, of_drift = V.by_turns(weighted), V.base.in_common(weighted, slice(None))
     of_noise = np.kron(np.diag(V.base.relative), np.diag(NOISE**2))
     expected = (dense - of_noise)[:, np.repeat(V.base.kept, 6)] @ weighted.ravel()
     assert (of_turns + of_drift) / NOISE == pytest.approx(expected.reshape(9, 6) / NOISE, abs=1e-3)

@@ -36,6 +36,8 @@ def beliefs_of(problem: Problem, tables: list[Table], weight: Array, off: Array,
     of_kind = {kind: float(weight[kinds == kind].sum()) for kind in dict.fromkeys(kinds) if kind is not None}
     turn = np.concatenate([table.members.turn for table in tables])
     of_kind[Kind.ROBOT] = float(weight[turn > 0.0].sum())
+    if Kind.GAIN in of_kind or any(table.with_gain.any() for table in tables):
+        of_kind[Kind.GAIN] = float(weight[np.concatenate([table.with_gain for table in tables])].sum())
 
     def likeliest(some: Set[Kind]) -> tuple[Drift | None, Array]:
         """The likeliest drift of these kinds, if they may well be, and what each pose's bias was off by it, (n, 6)."""
@@ -45,7 +47,7 @@ def beliefs_of(problem: Problem, tables: list[Table], weight: Array, off: Array,
         for table, here in each_with_place(tables):
             for k in np.flatnonzero([kind in some for kind in table.kinds]).tolist():
                 drift = table.kernel_of(k)[0]
-                of_drift.setdefault(id(drift), []).append((float(weight[here][k]), drift, table, k))
+                of_drift.setdefault(id(drift.alone or drift), []).append((float(weight[here][k]), drift, table, k))
         if not of_drift:
             return None, np.zeros_like(problem.wrench)
         members = max(of_drift.values(), key=lambda each: sum(share for share, *_ in each))

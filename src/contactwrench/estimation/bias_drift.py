@@ -62,17 +62,32 @@ backlash move a reading by some percent of the weight."""
 @dataclass(frozen=True, eq=False)
 class Drift:
     """One way to move, or to err: the `kind` of finding (None: steady), `columns` (n, q) that the change is made of, of
-    a step the index of the first pose after it.
+    a step the index of the first pose after it; or that one, `alone`, of the strength `at` with a `gain` beside it.
     """
 
     kind: Kind | None
     columns: Array
     first_after: int | None = None
+    alone: Drift | None = None
+    at: float = 0.0
+    gain: float = 0.0
 
     @property
     def strengths(self) -> Array:
         """How strong it may be, in units of the noise."""
+        if self.alone is not None:
+            return np.array([self.at])
         return STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS_OF_MANY
+
+    @property
+    def own(self) -> int:
+        """How many of the columns are its own, the first ones; the others are of the gain beside it."""
+        return int((self.alone or self).columns.shape[1])
+
+    def beside(self, gain: Drift, at: float, strength: float) -> Drift:
+        """The same, of the strength `at`, with a `gain` of that `strength`."""
+        columns = np.hstack([self.columns, gain.columns * (strength / at)])
+        return Drift(self.kind, columns, self.first_after, self, at, strength)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +143,12 @@ class Kernels:
         """
         of_drifts = np.array([SHARE_OF_WEIGHT.get(drift.kind, np.nan) for drift in self.drifts])
         share = strength * noise / (np.maximum(np.abs(weight), 1e-12) * of_drifts[self.drift[kernel]])
-        even = 1.0 / (APART * np.array([len(drift.strengths) for drift in self.drifts]))  # density of the logarithm
-        plausible = log_half_normal(share) - np.log(even[self.drift[kernel]])
-        return np.where(np.isnan(share), 0.0, plausible)
+        each = [len((drift.alone or drift).strengths) for drift in self.drifts]
+        even = 1.0 / (APART * np.array(each))  # density of the logarithm
+        plausible = np.where(np.isnan(share), 0.0, log_half_normal(share) - np.log(even[self.drift[kernel]]))
+        gain = np.array([drift.gain / max(drift.at, 1e-300) for drift in self.drifts])[self.drift[kernel]] * strength
+        share = gain * noise / (np.maximum(np.abs(weight), 1e-12) * SHARE_OF_WEIGHT[Kind.GAIN])
+        return plausible + np.where(gain > 0.0, log_half_normal(share) + np.log(APART), 0.0)
 
 
 def possible_drifts(time: Array, in_order: float) -> tuple[list[Drift], list[float]]:

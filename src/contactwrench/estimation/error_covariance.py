@@ -25,12 +25,12 @@ def precision_times(L: Array, variance: Array, values: Array) -> Array:
 
 def in_common(L: Array, kept: NDArray[np.bool_], variance: Array, errors: Array) -> tuple[Array, Array]:
     """`errors` (k, n, 6) less the constant nearest to those of the poses kept, whose covariance is diag(`variance`) +
-    L L^T, L (k, n, q), and what of that is known to be what these have in common, likewise of all poses.
+    L L^T, L (k, n, q), and of how much of each column these are known to be, (k, q, 6).
     """
     own, one = L[:, kept], np.ones((len(variance), 1))
     of_one = np.swapaxes(precision_times(own, variance, one), 1, 2)
     errors = errors - of_one @ errors[:, kept] / of_one.sum(axis=2, keepdims=True)
-    return errors, L @ (np.swapaxes(own, 1, 2) @ precision_times(own, variance, errors[:, kept]))
+    return errors, np.swapaxes(own, 1, 2) @ precision_times(own, variance, errors[:, kept])
 
 
 def precision_diagonal(L: Array, variance: Array) -> Array:
@@ -84,9 +84,9 @@ class AlikeOnAxes:
         """N, the noise of an axis of force, RMS."""
         return float(np.sqrt(np.mean(self.variance[:3])))
 
-    def in_common(self, weighted: Array) -> Array:
-        """What all poses (n, 6) are known to be off, from `V^-1 errors` (m, 6) of those kept."""
-        L = self.columns
+    def in_common(self, weighted: Array, some: slice) -> Array:
+        """What all poses (n, 6) are off by `some` of the columns, as `V^-1 errors` (m, 6) of those kept tell."""
+        L = self.columns[:, some]
         return np.asarray(self.strength**2 * L @ (L[self.kept].T @ weighted) * self.variance)
 
 

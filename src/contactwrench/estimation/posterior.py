@@ -19,6 +19,7 @@ from ..geometry.arrays import Array
 from ..model import RigidTool, wrench_jacobian
 from .bias_drift import Drift
 from .hypotheses import Hypothesis
+from .orientation_errors import with_gain_beside
 from .outliers import beyond_the_cut, likely_clean, log_prior_outlying, log_prior_two_levels
 from .problem import Problem
 from .robot_errors import turns_across_gravity
@@ -81,6 +82,9 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
             tables[better.kept.tobytes()] = now = _looked_at_anew(problem, better, near)
             near = np.union1d(near, near_kernels([now]))
     tables |= _leveled(problem, tables, on_a_level, lambda kept, start: tried(kept, start, near), nearby)
+    first = max(tables.values(), key=lambda table: table.log_evidence)
+    for table in {id(each): each for each in (first, tables[everything.tobytes()])}.values():
+        tables[table.kept.tobytes()] = with_gain_beside(problem, table)
     first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
     own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]

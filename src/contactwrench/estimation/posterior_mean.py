@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from ..calibration.findings import BIAS_MOVED, Kind
-from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
-from ..model import RigidTool, matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
+from ..model import matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
 from .beliefs import beliefs_of
 from .error_covariance import Turned, precision_times
 from .estimate import IN_DOUBT, RigidEstimate
 from .noise import MOST_DOF, PoseReadings
+from .orientation_errors import covariance_of_gain, hidden_in_parameters
 from .outliers import probability_of_a_level
 from .posterior import deleted_errors
 from .priors import rows_of
@@ -70,16 +70,16 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     of_axes = axes @ of_axes @ axes.T
     covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes[:6], 1)
     from_parameters = matrix_jacobian(moved, names)
-    of_B = _of_gain(problem, tables, weight)
+    of_B = covariance_of_gain(problem, tables, weight)
     known = rows_of(problem.question.knowledge, moved, names).jacobian
-    hidden = _hidden_in_parameters(of_B, moved, from_parameters, covariance, known)
+    hidden = hidden_in_parameters(of_B, moved, from_parameters, covariance, known)
     of_B = of_B - from_parameters @ hidden @ from_parameters.T
     covariance = covariance + hidden
     covariance = 0.5 * (covariance + covariance.T)
     variance = weight @ np.concatenate([table.members.variance for table in tables])
     variance = variance * _noisier_alone(problem, first) + _of_what_differs_anew(problem, tables, weight)
     best = first.best
-    left_by, of_kernel, of_turns = explained(problem, first, best)
+    left_by, of_kernel, _, of_turns = explained(problem, first, best)
     errors = left_by - of_kernel * (first.kernel_of(best)[0].kind in NOT_LEFT)
     covariance[bias, bias] += _of_other_causes(problem, tables, weight)
     left = first.members.dof[best].reshape(2, 3).sum(axis=1)
@@ -155,63 +155,6 @@ def _of_what_differs_anew(problem: Problem, tables: list[Table], weight: Array) 
         for member in np.flatnonzero(at_poses & (m.robot >= 0)).tolist():
             added += share[member] * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
     return added
-
-
-def _of_gain(problem: Problem, tables: list[Table], weight: Array) -> Array:
-    """What gain and cross-talk add to the covariance of B (24, 24), by the probabilities `weight` of all members."""
-    of_B = np.zeros((24, 24))
-    for table, here in each_with_place(tables):
-        own = np.flatnonzero(table.kinds == Kind.GAIN)
-        if len(own):
-            best = int(own[np.argmax(table.members.log_evidence[own])])
-            of_B += float(weight[here][own].sum()) * _slopes(problem, table, best)
-    return of_B
-
-
-def _hidden_in_parameters(
-    of_B: Array, tool: RigidTool, from_parameters: Array, covariance: Array, known: Array
-) -> Array:
-    """What gain and cross-talk add to the covariance (p, p) of the parameters: of what they add to that of B, `of_B`
-    (24, 24), as much as looks like another tool and mounting, less by the better rows (k, p) of what is `known` tell
-    it. B follows the parameters by `from_parameters` (24, p). Torques count by what a force does at the tool's lever.
-    """
-    if not of_B.any():
-        return np.zeros_like(covariance)
-    std, follows = np.sqrt(np.diag(covariance)), np.eye(len(covariance)) - covariance @ known.T @ known
-    lever = max(LEVER, float(np.linalg.norm(tool.com)))
-    counts = np.outer(np.repeat([1.0, 1.0 / lever], 3), [1.0, 1.0, 1.0, 0.0]).reshape(24, 1)
-    nearest = np.linalg.pinv(counts * from_parameters) * counts.T / std[:, None]
-    values, vectors = np.linalg.eigh(nearest @ of_B @ nearest.T)
-    root = follows @ (std[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))  # in places gain lessens it
-    return np.asarray(root @ root.T)
-
-
-def _slopes(problem: Problem, table: Table, member: int) -> Array:
-    """Of a sensor with gain and cross-talk: the covariance of B with a slope of its own for each axis, less that of the
-    rigid B, and the slopes that were found.
-    """
-    m, kept, q = table.members, table.kept, len(problem.names)
-    drift, strength = table.kernel_of(member)
-    variance = m.variance[member]
-    D = np.zeros((int(kept.sum()), 6, q + 18))
-    D[:, :, :q] = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)
-    for axis in range(6):
-        D[:, axis, q + 3 * axis : q + 3 * axis + 3] = drift.columns[kept]
-    weighted = covariance_of_errors(problem, table, member, without_kernel=True).precision_times(D)
-    information = np.tensordot(D, weighted, ((0, 1), (0, 1)))
-    right = np.tensordot(weighted, problem.errors(table.tool, float(m.turn[member]))[kept], ((0, 1), (0, 1)))
-    information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[member]]
-    right[problem.columns] += table.priors.pull[m.hypothesis[member]]
-    information[range(q, q + 18), range(q, q + 18)] += np.repeat(1.0 / (strength**2 * variance), 3)
-    covariance = inverse_of(information)
-    to_B = np.zeros((24, q + 18))
-    to_B[:, :q] = matrix_jacobian(table.tool, problem.names)
-    for axis in range(6):
-        to_B[4 * axis : 4 * axis + 3, q + 3 * axis : q + 3 * axis + 3] = np.eye(3)
-    found = (covariance @ right)[q:].reshape(2, 9)
-    rigid = to_B[:, :q] @ covariance[:q, :q] @ to_B[:, :q].T
-    alike = np.diag(np.repeat(np.mean(found**2, axis=1), 9))  # as large as found, in no direction of its own
-    return np.asarray(to_B @ covariance @ to_B.T - rigid + to_B[:, q:] @ alike @ to_B[:, q:].T)
 
 
 def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array, Array]:

@@ -64,6 +64,12 @@ class Table:
         return kinds[self.kernels.drift[self.members.kernel]]
 
     @property
+    def with_gain(self) -> NDArray[np.bool_]:
+        """Which of the members have a gain, alone or beside another drift."""
+        gain = np.array([drift.kind is Kind.GAIN or drift.gain > 0.0 for drift in self.kernels.drifts])
+        return np.asarray(gain[self.kernels.drift[self.members.kernel]])
+
+    @property
     def log_evidence(self) -> float:
         """Of all members together."""
         return float(np.logaddexp.reduce(self.members.log_evidence))
@@ -199,7 +205,7 @@ def _sized(problem: Problem, table: Table) -> Members:
     m, tool, kernels, kept = table.members, table.tool, table.kernels, table.kept
     noise, weight = np.sqrt(m.variance[:, :3].mean(axis=1)), tool.weight + m.step[:, 0]
     log_evidence = m.log_evidence + kernels.log_plausible(m.kernel, m.strength, noise, weight)
-    wander = np.flatnonzero(table.kinds == Kind.BIAS_WANDERED)
+    wander = np.flatnonzero((table.kinds == Kind.BIAS_WANDERED) & ~table.with_gain)
     if len(wander) and problem.noise.stated is None:  # an axis that errs less than stated would share any direction
         J = wrench_jacobian(tool, problem.R_base_flange[kept], problem.names)[:, :, problem.columns]
         errors = _errors_of(problem, table, wander)[:, kept]
@@ -207,24 +213,28 @@ def _sized(problem: Problem, table: Table) -> Members:
     return replace(m, log_evidence=log_evidence)
 
 
-def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array, Array]:
+def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array, Array, Array]:
     """What a member leaves in all readings (n, 6) with its constant bias taken out, and what of that is known: the
-    change of the bias or the pull of a cable, and the robot's turns.
+    change of the bias or the pull of a cable, a gain beside it, and the robot's turns.
     """
     V = covariance_of_errors(problem, table, member)
     if not isinstance(V, Turned):
-        errors, of_kernel = explained_by_kernels(problem, table, np.array([member]))
-        return errors[0], of_kernel[0], np.zeros_like(errors[0])
+        each = explained_by_kernels(problem, table, np.array([member]))
+        return each[0][0], each[1][0], each[2][0], np.zeros_like(each[0][0])
     errors, kept = _errors_of(problem, table, np.array([member]))[0], table.kept
     errors = errors - V.constant(errors[kept, :, None])[0][:, 0]
     left = V.precision_times(errors[kept, :, None])[:, :, 0]
-    return errors, V.base.in_common(left), V.by_turns(left)
+    own = table.kernel_of(member)[0].own
+    return errors, V.base.in_common(left, slice(own)), V.base.in_common(left, slice(own, None)), V.by_turns(left)
 
 
-def explained_by_kernels(problem: Problem, table: Table, members: NDArray[np.intp]) -> tuple[Array, Array]:
+def explained_by_kernels(problem: Problem, table: Table, members: NDArray[np.intp]) -> tuple[Array, Array, Array]:
     """The same of `members` (k,) without turns, (k, n, 6): what they leave, and what of that their kernels are."""
     L = table.kernels.at_poses(table.members.kernel[members], np.ones_like(table.kept))
-    return in_common(L, table.kept, problem.relative[table.kept], _errors_of(problem, table, members))
+    errors, along = in_common(L, table.kept, problem.relative[table.kept], _errors_of(problem, table, members))
+    own = np.array([table.kernel_of(member)[0].own for member in members.tolist()])
+    of_own = np.arange(L.shape[2]) < own[:, None]
+    return errors, L @ (along * of_own[..., None]), L @ (along * ~of_own[..., None])
 
 
 def _errors_of(problem: Problem, table: Table, members: NDArray[np.intp]) -> Array:
@@ -234,11 +244,11 @@ def _errors_of(problem: Problem, table: Table, members: NDArray[np.intp]) -> Arr
     return np.asarray(errors - problem.R_base_flange.reshape(-1, 9) @ moved.transpose(0, 2, 1))
 
 
-def covariance_of_errors(problem: Problem, table: Table, member: int, without_kernel: bool = False) -> ErrorCovariance:
-    """Of all poses, under a member; `without_kernel`: but for what its kernel has."""
-    m, columns = table.members, table.kernel_of(member)[0].columns
-    strength = 0.0 if without_kernel else float(m.strength[member])
-    base = AlikeOnAxes(table.kept, problem.relative, m.variance[member], columns, strength)
+def covariance_of_errors(problem: Problem, table: Table, member: int, without_gain: bool = False) -> ErrorCovariance:
+    """Of all poses, under a member; `without_gain`: but for what a gain has."""
+    m, drift = table.members, table.kernel_of(member)[0]
+    columns = drift.columns[:, : drift.own * (drift.kind is not Kind.GAIN)] if without_gain else drift.columns
+    base = AlikeOnAxes(table.kept, problem.relative, m.variance[member], columns, float(m.strength[member]))
     if m.robot[member] < 0:
         return base
     turns = turns_across_gravity(table.tool, problem.R_base_flange, problem.robot[m.robot[member]], table.kept)
