@@ -215,6 +215,19 @@ def test_a_last_pose_that_is_off_is_taken_for_a_contact_rather_than_for_a_step()
         assert any("pose 12 (t = 110 s), the last one, was left out: " in text for text in calibration.warnings)
 
 
+@pytest.mark.parametrize("pushed", [7, 3])
+def test_where_the_bias_hangs_on_the_last_pose_that_is_the_advice(pushed: int) -> None:
+    """Half of the push is in the std of the bias, and the model is not at fault; of another pose nothing hangs."""
+    rig, R, rng = example(3, poses=8)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    wrench[pushed] += [0.0, 0.0, 8.0, 0.0, 0.1, 0.0]
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(8.0)), "mount")
+    last = "if the bias stepped before the last pose, which was left out, it is another one: record one more pose"
+    advice = [finding.text for finding in calibration.findings if finding.kind is Kind.ADVICE]
+    assert advice == ([last] if pushed == 7 else [])
+    assert (calibration.verdict == "weak") is (pushed == 7)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("poses", [12, 24])
 @pytest.mark.parametrize("last", [1, 2])

@@ -166,6 +166,8 @@ def largest_force_std(fit: Estimate) -> float:
 
 def _advice(fit: Estimate, readings: PoseReadings, weakest: str) -> str:
     """Where the poses are at fault, why, and what one more would give; else a better reading of the data."""
+    if weakest.startswith("bias") and not fit.kept[-1]:
+        return "if the bias stepped before the last pose, which was left out, it is another one: record one more pose"
     s: Array = fit.singular_values
     tool = fit.tool if isinstance(fit, RigidEstimate) else None
     if tool is not None:
