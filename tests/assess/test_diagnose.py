@@ -33,6 +33,7 @@ from contactwrench.assess.interpretations import (
 from contactwrench.assess.screening import screen
 from contactwrench.recording.interpretations import interpretations
 from contactwrench.recording.options import Options
+from contactwrench.report.diagnosis import verdict
 from tests.support.recordings import MATRIX, PANDA, PAPER, WRENCH, csv_text, run, written
 from tests.support.rigs import NOISE, example, seeds
 from tests.support.world import Array, noisy_readings, random_rig, random_rotations, tilted_down
@@ -307,6 +308,21 @@ def test_a_base_that_leans_is_no_wrong_reading(tmp_path: Path, capsys: pytest.Ca
     assert rows[1].strip() == f"as given, the base leaning {np.rad2deg(diagnosis.best.lean):.1f} deg"
 
 
+@pytest.mark.parametrize("poses", [6, 12])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_pose_in_contact_that_leaves_nearly_all_is_named(poses: int, seed: int, tmp_path: Path) -> None:
+    rig, R, rng = example(seed, poses)
+    rig = replace(rig, weight=20.0)
+    wrench, pushed = noisy_readings(rig, R, NOISE, rng), int(rng.integers(poses))
+    assert found_in(tmp_path, RIGHT.text(R, wrench)).best.off is None
+    wrench[pushed] += [0.0, 4.0, -7.0, 0.3, 0.1, 0.0]
+    diagnosis = found_in(tmp_path, RIGHT.text(R, wrench))
+    assert (diagnosis.read_rightly, diagnosis.best.off) == (True, pushed + 1)
+    without = f" N without pose {pushed + 1}, which may be in contact; no other interpretation explains it better"
+    assert without in verdict(diagnosis)
+    assert diagnosis.best.force_without < 0.3
+
+
 def test_screening_is_exact_without_noise() -> None:
     """The right reading leaves nothing, the negated one leaves the forces that no weight above zero can make."""
     rig, R, rng = example(13)
@@ -336,12 +352,12 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
         "    N left  mN m left  weight N          com mm          interpretation",
     ]
     assert "Free air cannot tell these from the first:" not in right.out
-    for flags, verdict in {
+    for flags, expected in {
         "--sign reaction": "as given: 10 N left; without `--sign reaction`: 0.26 N left",
         "--orientation quat_wxyz:qx,qy,qz,qw": "as given: 7.8 N left; with `--orientation quat_xyzw`: 0.26 N left",
         "--gravity 0,0,1": "as given: 10 N left; with `--sign reaction --gravity 0,0,1`: 0.26 N left",
     }.items():
-        assert run(capsys, "diagnose", PANDA, *flags.split()).out.splitlines()[0] == verdict
+        assert run(capsys, "diagnose", PANDA, *flags.split()).out.splitlines()[0] == expected
 
 
 @pytest.mark.slow

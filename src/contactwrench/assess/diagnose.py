@@ -61,6 +61,9 @@ read with two wrong options.
 
 LEAST_DOF = 1e-6
 
+FAR_LESS = 0.2
+"""Of the force that is left, what is without one pose, for that pose to be named."""
+
 
 @dataclass(frozen=True, eq=False)
 class Explanation(Frozen):
@@ -70,7 +73,8 @@ class Explanation(Frozen):
     counted; `weight` N; `com` (3,) m, `to_the_tool` of which lies on the side of tools (NaN: nobody knows); `lean` rad,
     of gravity from the stated direction, zero unless the base is found to lean; `cost` of its changes, the lean among
     them; `odds` -2 log of the odds against it, up to a constant, the cost counted. Of the stated interpretation also
-    `odds_in_contact`, the same where the pose that fits it worst is in contact.
+    `odds_in_contact`, the same where the pose that fits it worst is in contact, and that pose, `off`, counted from 1,
+    with the `force_without` it, N, where that is far less.
     """
 
     interpretation: Interpretation
@@ -83,6 +87,8 @@ class Explanation(Frozen):
     cost: float
     odds: float
     odds_in_contact: float = np.inf
+    off: int | None = None
+    force_without: float = np.nan
 
     @property
     def odd(self) -> str:
@@ -251,7 +257,11 @@ def _excused(file: Interpretations, given: Explanation) -> Explanation:
     squares, dof = screen(others, [w], file.wrench, file.down)
     without = misfit(squares, dof, scatter_of(file.wrench, w.matrix))[:, 0, interpretation.place[2]]
     in_contact = float(without.min()) + COST_OF_CHANGE * (interpretation.cost + POSE_IN_CONTACT)
-    return replace(given, odds_in_contact=in_contact)
+    worst = int(without.argmin())
+    left = float(np.sqrt(3.0 * squares[worst, 0, interpretation.place[2], 0] / dof[worst, 0, 0, 0]))
+    if left > FAR_LESS * given.force_left:
+        return replace(given, odds_in_contact=in_contact)
+    return replace(given, odds_in_contact=in_contact, off=worst + 1, force_without=left)
 
 
 def _decisively_better(one: Explanation, other: Explanation) -> bool:
