@@ -222,7 +222,7 @@ def test_where_the_bias_hangs_on_the_last_pose_that_is_the_advice(pushed: int) -
     wrench = noisy_readings(rig, R, NOISE, rng)
     wrench[pushed] += [0.0, 0.0, 8.0, 0.0, 0.1, 0.0]
     calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(8.0)), "mount")
-    last = "if the bias stepped before the last pose, which was left out, it is another one: record one more pose"
+    last = "the last pose was left out: if the bias stepped before it, the one given is wrong: record one more pose"
     advice = [finding.text for finding in calibration.findings if finding.kind is Kind.ADVICE]
     assert advice == ([last] if pushed == 7 else [])
     assert (calibration.verdict == "weak") is (pushed == 7)

@@ -111,7 +111,7 @@ def test_who_takes_such_a_tool_as_known_inherits_the_doubt() -> None:
     third = cw.calibrate(cw.Samples(wrench[1:2], R[1:2]), prior=again)
     (said,) = (finding.text for finding in _said(earlier))
     for later in (again, third):
-        assert [finding.text for finding in _said(later)] == [f"{said} (earlier calibration)"]
+        assert [finding.text for finding in _said(later)] == [f"{said}; so the earlier calibration"]
 
 
 @pytest.mark.parametrize(

@@ -85,8 +85,8 @@ def doubts(
             rows.append(_gain_of_axis(estimate, readings))
     uncertain = uncertain_parameters(estimate, readings, trade_offs)
     of_sensor = not uncertain and _is_as_of_a_sensor(estimate, readings)
-    if not (estimate.reduced_chi2 < STATED_NOISE_RATIO if stated else of_sensor):
-        rows.append(_poor_fit(estimate))
+    if question.earlier is None and not (estimate.reduced_chi2 < STATED_NOISE_RATIO if stated else of_sensor):
+        rows.append(poor_fit(estimate))
     rows.append(_correlated_poses(estimate, readings))
     if question.earlier is None:
         rows.append(_unconfirmed(estimate))
@@ -167,7 +167,7 @@ def largest_force_std(fit: Estimate) -> float:
 def _advice(fit: Estimate, readings: PoseReadings, weakest: str) -> str:
     """Where the poses are at fault, why, and what one more would give; else a better reading of the data."""
     if weakest.startswith("bias") and not fit.kept[-1]:
-        return "if the bias stepped before the last pose, which was left out, it is another one: record one more pose"
+        return "the last pose was left out: if the bias stepped before it, the one given is wrong: record one more pose"
     s: Array = fit.singular_values
     tool = fit.tool if isinstance(fit, RigidEstimate) else None
     if tool is not None:
@@ -214,7 +214,7 @@ def _is_as_of_a_sensor(fit: Estimate, readings: PoseReadings) -> bool:
     return bool(fit.force_left < BY_CHANCE * np.sqrt(np.sum(of_axes)))
 
 
-def _poor_fit(fit: Estimate) -> Row:
+def poor_fit(fit: Estimate) -> Row:
     """Far more is left than a sensor and an arm explain, or of a pose left out: most often a file is read wrongly."""
     left, missed = (off / max(fit.weight_scale, 1e-300) for off in (fit.force_left, fit.force_missed))
     of_fit = f"{fit.force_left:.2g} N are left in the poses, {100.0 * left:.0f} % of the weight"

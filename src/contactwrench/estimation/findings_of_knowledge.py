@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind
 from ..geometry.arrays import Array
 from ..model import MOUNT, PARAMETERS, wrench_jacobian
 from ..samples.poses import Pose
 from ..statistics import MisfitTest, counted, percent
 from .estimate import Estimate, RigidEstimate
-from .findings import DOUBTFUL, NOTE, SIGNIFICANCE, WEAK, Row, largest_force_std, those_that_hold
+from .findings import DOUBTFUL, NOTE, SIGNIFICANCE, WEAK, Row, largest_force_std, poor_fit, those_that_hold
 from .moved_bias import held_against, noise_dof
 from .noise import PoseReadings, variance_of_means
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, rows_of, stated_knowledge
@@ -26,8 +27,7 @@ OPEN_SHARE = 0.025
 and mounting are those of before. A mounting that slipped by 5 deg makes 9 % of it.
 """
 FAR_BETTER = 0.5
-"""Of the std of the contact force that the earlier calibration leaves: what the poses alone would, for that to be said.
-"""
+"""Of the std of the contact force that the earlier poses leave, by noise: what these would, for that to be said."""
 UNLIKELY = 0.01
 """The probability by which less is left of an earlier calibration that holds, from which on that it does is doubted."""
 
@@ -57,30 +57,45 @@ def of_prior(fit: Estimate, readings: PoseReadings, poses: Iterable[Pose], quest
     rows = [
         (by_chance < SIGNIFICANCE, WEAK, Kind.CONTRADICTS_PRIOR, contradict),
         (SIGNIFICANCE <= by_chance < UNLIKELY, DOUBTFUL, Kind.CONTRADICTS_PRIOR, unlike),
-        *_beside_prior(fit, R, np.sqrt(variance), by_chance >= UNLIKELY),
+        *_beside_prior(fit, R, np.sqrt(variance), prior if by_chance >= UNLIKELY else None),
+        *([poor_fit(fit)] if by_chance < SIGNIFICANCE else []),
     ]
     return those_that_hold(rows)
 
 
-def _beside_prior(fit: RigidEstimate, R_base_flange: Array, std: Array, agree: bool) -> list[Row]:
+def _beside_prior(fit: RigidEstimate, R_base_flange: Array, std: Array, agrees: Calibration | None) -> list[Row]:
     """By themselves the poses would leave the contact force open somewhere, or a moving bias took what they tell; or
-    they `agree` with the earlier calibration, and would leave it open far less.
+    they would leave it open far less than those of the calibration that `agrees` with them did, by the same noise.
     """
-    J = wrench_jacobian(fit.tool, R_base_flange, fit.names) / std[..., None]
-    alone = inverse_of(np.sum(J.transpose(0, 2, 1) @ J, axis=0))
-    open_by = largest_force_std(replace(fit, covariance=alone, gain_covariance=None))
+    earlier = (
+        [pose.R_base_flange for pose in agrees.fitted_poses] if agrees and "prior" not in agrees.provenance else []
+    )
+    open_by = _force_left_open(fit, R_base_flange, std)
     rests = open_by > OPEN_SHARE * fit.weight_scale or fit.bias_moved
     text = (
         "that tool, mounting and base are those of the earlier calibration is taken for granted: "
-        f"{counted(len(J), 'pose')}{' with a moving bias' * fit.bias_moved} cannot show others; record more, tilted by "
-        "30 deg or more"
+        f"{counted(len(std), 'pose')}{' with a moving bias' * fit.bias_moved} cannot show others; record more, tilted "
+        "by 30 deg or more"
     )
     better = (
         "tool, mounting and base stay as the earlier calibration has them, and by themselves these poses tell them "
         "better: calibrate without --prior"
     )
-    tell_more = agree and not rests and open_by < FAR_BETTER * largest_force_std(fit)
+    tell_more = (
+        not rests
+        and len(earlier) > 0
+        and open_by
+        < FAR_BETTER
+        * _force_left_open(fit, np.array(earlier), np.tile(np.sqrt(np.mean(std**2, axis=0)), (len(earlier), 1)))
+    )
     return [(rests, DOUBTFUL, Kind.RESTS_ON_PRIOR, text), (tell_more, NOTE, Kind.ADVICE, better)]
+
+
+def _force_left_open(fit: RigidEstimate, R_base_flange: Array, std: Array) -> float:
+    """The largest std of the contact force (N) that poses (n, 3, 3) with noise of that `std` (n, 6) leave alone."""
+    J = wrench_jacobian(fit.tool, R_base_flange, fit.names) / std[..., None]
+    alone = inverse_of(np.sum(J.transpose(0, 2, 1) @ J, axis=0))
+    return largest_force_std(replace(fit, covariance=alone, gain_covariance=None))
 
 
 def of_known(known: Mapping[str, tuple[Any, Any]], readings: PoseReadings, question: Question) -> list[Finding]:

@@ -31,9 +31,8 @@ ODDS = {Kind.GAIN: 0.4, Kind.CREEP: 0.2, Kind.CABLE: 0.2}
 FIELD_LENGTH, MOST_WITH_CABLE = 0.5, 100
 """rad over which the pull of a cable changes; with more poses, taken on the way most often, none is looked for."""
 
-FEWEST_POSES = 8
-"""With fewer, a tool, the slopes of a gain and another cause, 14, 18 and 6 numbers, leave next to nothing to judge by.
-"""
+FEWEST_POSES, FEWEST_OF_KNOWN_TOOL = 8, 6
+"""With fewer, a tool, the slopes of a gain and another cause, 14, 18 and 6 numbers, leave next to nothing to judge."""
 
 CLOSE = 4.0
 """Natural logarithm of the odds of a cause, against the likeliest, from which on it is looked at with a gain."""
@@ -71,14 +70,14 @@ def with_gain_beside(problem: Problem, table: Table) -> Table:
     """The settled table with the members in which a gain is beside another cause, where one is likelier than none."""
     kinds, chances = table.kinds, np.exp(table.members.log_evidence - table.log_evidence)
     gain = next((drift for drift in table.kernels.drifts if drift.kind is Kind.GAIN), None)
-    few = int(table.kept.sum()) < FEWEST_POSES
-    if few or gain is None or chances[np.equal(kinds, None)].sum() > 0.5:  # type: ignore[call-overload]
+    few = FEWEST_POSES if problem.question.earlier is None else FEWEST_OF_KNOWN_TOOL
+    if table.kept.sum() < few or gain is None or chances[np.equal(kinds, None)].sum() > 0.5:  # type: ignore[call-overload]
         return table
-    pairs, before = list(_pairs(problem, table, gain)), len(table.kernels.drift)
+    if not (pairs := list(_pairs(problem, table, gain))):
+        return table
+    before = len(table.kernels.drift)
     log_prior = [float(table.kernels.log_prior[k] + np.log(ODDS[Kind.GAIN])) for k, _ in pairs]
     kernels = table.kernels.joined([both for _, both in pairs], log_prior)
-    if not pairs:
-        return table
     return with_kernels(replace(problem, kernels=kernels), table, np.arange(before, len(kernels.drift)))
 
 

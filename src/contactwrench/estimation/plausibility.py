@@ -73,9 +73,9 @@ NOISIER = 1.5
 
 OF_TOOL_SENSOR_AND_BASE = (
     *(Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE, Kind.CREEP, Kind.CONTRADICTS_MODEL),
-    *(Kind.CROSS_TALK, Kind.UNEQUAL_NOISE, Kind.POOR_FIT),
+    *(Kind.CROSS_TALK, Kind.UNEQUAL_NOISE),
 )
-OF_EARLIER = " (earlier calibration)"
+OF_EARLIER = "; so the earlier calibration"
 
 LIGHTEST_TOOL = 0.5
 """N: few tools weigh less, and what a controller leaves of one whose payload it subtracts mostly does."""

@@ -82,9 +82,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
             tables[better.kept.tobytes()] = now = _looked_at_anew(problem, better, near)
             near = np.union1d(near, near_kernels([now]))
     tables |= _leveled(problem, tables, on_a_level, lambda kept, start: tried(kept, start, near), nearby)
-    first = max(tables.values(), key=lambda table: table.log_evidence)
-    for table in {id(each): each for each in (first, tables[everything.tobytes()])}.values():
-        tables[table.kept.tobytes()] = with_gain_beside(problem, table)
+    tables |= _with_pairs(problem, tables, lambda kept, start: tried(kept, start, near), nearby)
     first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
     own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
@@ -114,6 +112,25 @@ def _leveled(
         now = max(leveled.values(), key=lambda table: table.log_evidence)
         anew = [tried(kept, tables[now.kept.tobytes()]) for kept in nearby(now) if kept.tobytes() not in leveled]
     return leveled
+
+
+def _with_pairs(
+    problem: Problem,
+    tables: dict[bytes, Table],
+    tried: Callable[[NDArray[np.bool_], Table], Table],
+    nearby: Callable[[Table], list[NDArray[np.bool_]]],
+) -> dict[bytes, Table]:
+    """Tables by the poses that they keep, in which a gain may be beside another cause: the likeliest, that of all poses
+    and those nearby, as either cause alone makes good poses look bad and bad ones good.
+    """
+    first = max(tables.values(), key=lambda table: table.log_evidence)
+    anew, paired = [first, tables[np.ones(len(problem.wrench), dtype=bool).tobytes()]], dict[bytes, Table]()
+    while anew:
+        paired |= {table.kept.tobytes(): with_gain_beside(problem, table) for table in anew}
+        now = max(paired.values(), key=lambda table: table.log_evidence)
+        pairs = len(now.kernels.drift) > len(tables.get(now.kept.tobytes(), now).kernels.drift)
+        anew = [tried(kept, now) for kept in nearby(now) if pairs and kept.tobytes() not in paired]
+    return paired
 
 
 def _looked_at_anew(problem: Problem, table: Table, near: NDArray[np.intp]) -> Table:

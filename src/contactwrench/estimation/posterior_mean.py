@@ -39,16 +39,14 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     """The mean of all members of the tables, which are linearised at one tool; if `plain`, without held-out errors, and
     but for `auto` without beliefs.
     """
-    names, columns, auto, free = problem.names, problem.columns, problem.question.model == "auto", tables[0]
-    if problem.question.earlier is not None:
-        tables = [_with_tool_as_known(table) for table in tables]
-    first = tables[0]
+    names, columns, first, auto = problem.names, problem.columns, tables[0], problem.question.model == "auto"
+    with_tool = tables if problem.question.earlier is None else [_with_tool_as_known(each) for each in tables]
     tool, bias = first.tool, slice(4, 10)
     log_all = np.concatenate([table.members.log_evidence for table in tables])
     weight = np.exp(log_all - np.logaddexp.reduce(log_all))
     steps, within = np.zeros((len(weight), len(names))), np.zeros((len(names), len(names)))
     own_variance, last_biases = np.zeros_like(steps), [_last_bias(problem, table) for table in tables]
-    for (table, here), (mean, of_mean, own) in zip(each_with_place(tables), last_biases, strict=True):
+    for (table, here), (mean, of_mean, own) in zip(each_with_place(with_tool), last_biases, strict=True):
         m, share = table.members, weight[here]
         steps[here, columns] = m.step
         steps[here, bias] = mean - (of_mean @ m.step[:, :, None])[:, :, 0]
@@ -79,8 +77,11 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     variance = weight @ np.concatenate([table.members.variance for table in tables])
     variance = variance * _noisier_alone(problem, first) + _of_what_differs_anew(problem, tables, weight)
     best = first.best
-    left_by, of_kernel, _, of_turns = explained(problem, first, best)
-    errors = left_by - of_kernel * (first.kernel_of(best)[0].kind in NOT_LEFT)
+    moves, beside = first.kernel_of(best)[0].kind in NOT_LEFT, problem.question.earlier is not None
+    errors, of_kernel, _, of_turns = explained(problem, with_tool[0], best)
+    errors = errors - of_kernel * moves
+    of_noise, of_kernel, of_gain, _ = explained(problem, first, best)
+    of_noise = of_noise - of_kernel * (moves or beside) - of_gain * beside
     covariance[bias, bias] += _of_other_causes(problem, tables, weight)
     left = first.members.dof[best].reshape(2, 3).sum(axis=1)
     if first.members.robot[best] >= 0:  # which are of the noise alone
@@ -99,8 +100,8 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         dof=_dof(problem, first, of_axes, spread, covariance - hidden),
         kept=first.kept,
         errors=errors,
-        held_out=None if plain else deleted_errors(problem, free),
-        reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
+        held_out=None if plain else deleted_errors(problem, first),
+        reduced_chi2=_reduced_chi2(problem, of_noise[first.kept], readings.select(first.kept), float(left.sum())),
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
         of_robot=of_turns,
@@ -111,8 +112,9 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
 
 def _with_tool_as_known(table: Table) -> Table:
     """The table with the tool that is known beforehand, and its covariance, whatever the readings say of it: with the
-    same sensor, cable and arm, errors that made the earlier tool what it is are there again, and do not average out
-    (the "consider" update of Schmidt, 1966). What moved, and which poses belong, was found with a tool free to follow.
+    same sensor, cable and arm, errors that made the earlier tool what it is are there again, and do not average out.
+    The bias is then what the readings leave of that tool, as uncertain as both are. What moved, which poses belong, and
+    the noise are of a fit whose tool was free to follow.
     """
     m, covariance = table.members, inverse_of(table.priors.information)[table.members.hypothesis]
     step = covariance @ table.priors.pull[m.hypothesis][..., None]

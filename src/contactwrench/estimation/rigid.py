@@ -103,7 +103,8 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     if anew or (not plain and readings.in_order == 1.0):  # else another tool than the earlier one would pass for it
         drifts, log_prior = possible_drifts(readings.time, readings.in_order)
     turns = anew and n > FEWEST_POSES and question.noise is None
-    if anew and n > FEWEST_FOR_ORIENTATION:
+    errs = question.earlier is None or question.earlier.gain_covariance is not None
+    if errs and not plain and n > FEWEST_FOR_ORIENTATION:
         errors = orientation_errors(readings.R_base_flange, question.gravity_direction, readings.in_order)
         drifts, log_prior = drifts + errors[0], log_prior + errors[1]
     return Problem(
@@ -163,12 +164,10 @@ def _tables_from(problem: Problem, plain: bool, begin: RigidTool | None, before:
         return best
     rivals = [(m, b) for m, b in ((True, True), (False, True), (True, False)) if m >= mounting and b >= base]
     rivals = [pair for pair in rivals if pair != (mounting, base)]
-    near = near_kernels(best[:1])
-    of_levels = near[-1] >= len(problem.kernels.drift)  # which are that table's own
-    found = [best]
+    near, own, found = near_kernels(best[:1]), replace(problem, kernels=best[0].kernels), [best]
     for any_mounting, any_base in rivals:
         hypotheses = hypotheses_of(question, any_mounting, any_base)
-        rival = settled(problem, anywhere, best[0].kept, hypotheses, None if of_levels else near)
+        rival = settled(own, anywhere, best[0].kept, hypotheses, near)
         if rival.log_evidence > best[0].log_evidence - CLOSE_RIVAL:
             found.append(look(problem, rival.tool, hypotheses))
     return max(found, key=lambda tables: tables[0].log_evidence)
@@ -179,7 +178,7 @@ def _led_by_the_others(problem: Problem, best: list[Table], begin: RigidTool) ->
     off that no step leads back.
     """
     first = best[0]
-    clean = settled(problem, begin, first.kept, first.hypotheses)
+    clean = settled(replace(problem, kernels=first.kernels), begin, first.kept, first.hypotheses)
     if clean.log_evidence <= first.log_evidence + CLOSE_RIVAL:
         return best
     return max(best, explored(problem, clean.tool, first.hypotheses), key=lambda tables: tables[0].log_evidence)
