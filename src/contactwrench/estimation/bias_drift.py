@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +101,12 @@ class Kernels:
     drift: NDArray[np.intp]
     strength: Array
     log_prior: Array
+
+    @cached_property
+    def causes(self) -> NDArray[np.intp]:
+        """Of each kernel (k,) the place of its drift, with a gain beside it or not, among the drifts alone."""
+        place = {id(drift): k for k, drift in enumerate(self.drifts)}
+        return np.array([place[id(drift.alone or drift)] for drift in self.drifts], dtype=np.intp)[self.drift]
 
     def joined(self, drifts: list[Drift], log_prior: list[float]) -> Kernels:
         """These and others: every one of the `drifts`, of a prior each, at every strength."""

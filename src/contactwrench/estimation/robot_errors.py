@@ -167,20 +167,20 @@ def _with_share(linear: Linear, base: AlikeOnAxes, turns: Turns, share: float) -
 
 
 def _likely_alone(kernels: Kernels, others: Members) -> dict[int, Array]:
-    """Where a steady bias is not the likeliest, of each drift that may well be there its likeliest kernel, with the
+    """Where a steady bias is not the likeliest, of each cause that may well be there its likeliest kernel, with the
     variances (6,) of the noise.
     """
     order = np.argsort(-others.log_evidence)
     near = order[others.log_evidence[order] > others.log_evidence[order[0]] - CLOSE_BESIDE]
-    drifts = kernels.drift[others.kernel[near]]
-    if drifts[0] == 0:
+    causes = kernels.causes[others.kernel[near]]
+    if causes[0] == 0:
         return {}
-    first = [int(near[np.argmax(drifts == drift)]) for drift in dict.fromkeys(drifts[drifts > 0].tolist())]
+    first = [int(near[np.argmax(causes == cause)]) for cause in dict.fromkeys(causes[causes > 0].tolist())]
     return {int(others.kernel[k]): others.variance[k] for k in first[:MOST_BESIDE]}
 
 
 def _likely_beside(linear: Linear, alone: Optimum, kernels: Kernels, among: NDArray[np.intp]) -> list[int]:
-    """Of each drift that may well be there beside the turns, its likeliest kernel; all variances being those of turns
+    """Of each cause that may well be there beside the turns, its likeliest kernel; all variances being those of turns
     `alone`.
     """
     base = alone.V.base
@@ -197,5 +197,5 @@ def _likely_beside(linear: Linear, alone: Optimum, kernels: Kernels, among: NDAr
         grown = squared * np.maximum(value, 0.0)[of_kernel]
         score[here] += 0.5 * np.sum(squared * pulled[of_kernel] / (1.0 + grown) - np.log1p(grown), axis=(1, 2))
     order = np.argsort(-score)
-    first = np.sort(np.unique(kernels.drift[among[order]], return_index=True)[1])[:MOST_BESIDE]
+    first = np.sort(np.unique(kernels.causes[among[order]], return_index=True)[1])[:MOST_BESIDE]
     return [int(among[k]) for k in order[first] if score[k] > max(float(score.max()), 0.0) - CLOSE_BESIDE]
