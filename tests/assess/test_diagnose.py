@@ -314,10 +314,10 @@ def test_a_pose_in_contact_that_leaves_nearly_all_is_named(poses: int, seed: int
     rig, R, rng = example(seed, poses)
     rig = replace(rig, weight=20.0)
     wrench, pushed = noisy_readings(rig, R, NOISE, rng), int(rng.integers(poses))
-    assert found_in(tmp_path, RIGHT.text(R, wrench)).best.off is None
+    assert found_in(tmp_path, RIGHT.text(R, wrench)).best.pose_off is None
     wrench[pushed] += [0.0, 4.0, -7.0, 0.3, 0.1, 0.0]
     diagnosis = found_in(tmp_path, RIGHT.text(R, wrench))
-    assert (diagnosis.read_rightly, diagnosis.best.off) == (True, pushed + 1)
+    assert (diagnosis.read_rightly, diagnosis.best.pose_off) == (True, pushed + 1)
     without = f" N without pose {pushed + 1}, which may be in contact; no other interpretation explains it better"
     assert without in verdict(diagnosis)
     assert diagnosis.best.force_without < 0.3

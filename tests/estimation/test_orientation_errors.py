@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from benchmarks.errors import LEVER, NOISE, Course, Realistic, direction, in_a_cone, times, usual_rig
+from benchmarks.errors import LEVER, NOISE, Contacts, Course, Realistic, direction, in_a_cone, times, usual_rig
 from contactwrench.calibration.findings import BIAS_MOVED, Kind
 from tests.support.world import Array, random_rotations, readings
 
@@ -66,3 +66,17 @@ def test_backlash_alone_makes_no_gain() -> None:
         backlash = 0.15 * LEVER * np.r_[direction(rng), direction(rng)]
         wrench = readings(rig, R) + np.outer(rng.choice([-1.0, 1.0], 12), backlash) + NOISE * rng.normal(size=(12, 6))
         assert Kind.GAIN not in {finding.kind for finding in cw.calibrate(cw.Samples(wrench, R, times(12))).findings}
+
+
+@pytest.mark.parametrize(("seed", "poses"), [(11, 16), (13, 16), (27, 16), (7, 24), (9, 24)])
+def test_poses_in_contact_beside_two_causes_and_a_robot_that_errs_are_judged(seed: int, poses: int) -> None:
+    """Neighbours of a table with pairs of causes have kernels of their own; these seeds ended in a traceback."""
+    rng = np.random.default_rng([seed, 56])
+    rig, R = usual_rig(rng, 20.0), random_rotations(poses, rng)
+    wrench = Realistic(gain=0.01, robot=0.3, backlash=0.15).drawn(rig, rng).read(R, rng)
+    wrench += Course("drift", 0.3).drawn(times(poses), rng)[0]
+    pushed, bad = Contacts(30.0, False).drawn(poses, poses // 6, rng)
+    calibration = cw.calibrate(cw.Samples(wrench + pushed, R, times(poses)))
+    out = np.array([pose.rejected is not None for pose in calibration.poses])
+    assert out[~bad].mean() < 0.2
+    assert calibration.weight == pytest.approx(20.0, abs=4.0 * calibration.std["weight"])

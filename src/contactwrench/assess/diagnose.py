@@ -73,7 +73,7 @@ class Explanation(Frozen):
     counted; `weight` N; `com` (3,) m, `to_the_tool` of which lies on the side of tools (NaN: nobody knows); `lean` rad,
     of gravity from the stated direction, zero unless the base is found to lean; `cost` of its changes, the lean among
     them; `odds` -2 log of the odds against it, up to a constant, the cost counted. Of the stated interpretation also
-    `odds_in_contact`, the same where the pose that fits it worst is in contact, and that pose, `off`, counted from 1,
+    `odds_in_contact`, the same where the pose that fits it worst is in contact, and that pose, `pose_off`, from 1,
     with the `force_without` it, N, where that is far less.
     """
 
@@ -87,7 +87,7 @@ class Explanation(Frozen):
     cost: float
     odds: float
     odds_in_contact: float = np.inf
-    off: int | None = None
+    pose_off: int | None = None
     force_without: float = np.nan
 
     @property
@@ -261,7 +261,7 @@ def _excused(file: Interpretations, given: Explanation) -> Explanation:
     left = float(np.sqrt(3.0 * squares[worst, 0, interpretation.place[2], 0] / dof[worst, 0, 0, 0]))
     if left > FAR_LESS * given.force_left:
         return replace(given, odds_in_contact=in_contact)
-    return replace(given, odds_in_contact=in_contact, off=worst + 1, force_without=left)
+    return replace(given, odds_in_contact=in_contact, pose_off=worst + 1, force_without=left)
 
 
 def _decisively_better(one: Explanation, other: Explanation) -> bool:

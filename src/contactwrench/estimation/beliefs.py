@@ -36,8 +36,8 @@ def beliefs_of(problem: Problem, tables: list[Table], weight: Array, off: Array,
     of_kind = {kind: float(weight[kinds == kind].sum()) for kind in dict.fromkeys(kinds) if kind is not None}
     turn = np.concatenate([table.members.turn for table in tables])
     of_kind[Kind.ROBOT] = float(weight[turn > 0.0].sum())
-    if Kind.GAIN in of_kind or any(table.with_gain.any() for table in tables):
-        of_kind[Kind.GAIN] = float(weight[np.concatenate([table.with_gain for table in tables])].sum())
+    if (with_gain := np.concatenate([table.with_gain for table in tables])).any():
+        of_kind[Kind.GAIN] = float(weight[with_gain].sum())  # beside another cause, too
 
     def likeliest(some: Set[Kind]) -> tuple[Drift | None, Array]:
         """The likeliest drift of these kinds, if they may well be, and what each pose's bias was off by it, (n, 6)."""

@@ -63,7 +63,8 @@ backlash move a reading by some percent of the weight."""
 @dataclass(frozen=True, eq=False)
 class Drift:
     """One way to move, or to err: the `kind` of finding (None: steady), `columns` (n, q) that the change is made of, of
-    a step the index of the first pose after it; or that one, `alone`, of the strength `at` with a `gain` beside it.
+    a step the index of the first pose after it; or that one, `alone`, of the strength `at`, and beside it a gain that
+    is `gain` times as strong.
     """
 
     kind: Kind | None
@@ -87,8 +88,8 @@ class Drift:
 
     def beside(self, gain: Drift, at: float, strength: float) -> Drift:
         """The same, of the strength `at`, with a `gain` of that `strength`."""
-        columns = np.hstack([self.columns, gain.columns * (strength / at)])
-        return Drift(self.kind, columns, self.first_after, self, at, strength)
+        times = strength / at
+        return Drift(self.kind, np.hstack([self.columns, times * gain.columns]), self.first_after, self, at, times)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +154,7 @@ class Kernels:
         each = [len((drift.alone or drift).strengths) for drift in self.drifts]
         even = 1.0 / (APART * np.array(each))  # density of the logarithm
         plausible = np.where(np.isnan(share), 0.0, log_half_normal(share) - np.log(even[self.drift[kernel]]))
-        gain = np.array([drift.gain / max(drift.at, 1e-300) for drift in self.drifts])[self.drift[kernel]] * strength
+        gain = np.array([drift.gain for drift in self.drifts])[self.drift[kernel]] * strength
         share = gain * noise / (np.maximum(np.abs(weight), 1e-12) * SHARE_OF_WEIGHT[Kind.GAIN])
         return plausible + np.where(gain > 0.0, log_half_normal(share) + np.log(APART), 0.0)
 

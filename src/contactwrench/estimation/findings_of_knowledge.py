@@ -67,9 +67,7 @@ def _beside_prior(fit: RigidEstimate, R_base_flange: Array, std: Array, agrees: 
     """By themselves the poses would leave the contact force open somewhere, or a moving bias took what they tell; or
     they would leave it open far less than those of the calibration that `agrees` with them did, by the same noise.
     """
-    earlier = (
-        [pose.R_base_flange for pose in agrees.fitted_poses] if agrees and "prior" not in agrees.provenance else []
-    )
+    earlier = [] if agrees is None or "prior" in agrees.provenance else [p.R_base_flange for p in agrees.fitted_poses]
     open_by = _force_left_open(fit, R_base_flange, std)
     rests = open_by > OPEN_SHARE * fit.weight_scale or fit.bias_moved
     text = (
@@ -81,18 +79,13 @@ def _beside_prior(fit: RigidEstimate, R_base_flange: Array, std: Array, agrees: 
         "tool, mounting and base stay as the earlier calibration has them, and by themselves these poses tell them "
         "better: calibrate without --prior"
     )
-    tell_more = (
-        not rests
-        and len(earlier) > 0
-        and open_by
-        < FAR_BETTER
-        * _force_left_open(fit, np.array(earlier), np.tile(np.sqrt(np.mean(std**2, axis=0)), (len(earlier), 1)))
-    )
+    left_open = _force_left_open(fit, np.array(earlier), np.sqrt(np.mean(std**2, axis=0))) if earlier else 0.0
+    tell_more = not rests and open_by < FAR_BETTER * left_open
     return [(rests, DOUBTFUL, Kind.RESTS_ON_PRIOR, text), (tell_more, NOTE, Kind.ADVICE, better)]
 
 
 def _force_left_open(fit: RigidEstimate, R_base_flange: Array, std: Array) -> float:
-    """The largest std of the contact force (N) that poses (n, 3, 3) with noise of that `std` (n, 6) leave alone."""
+    """The largest std (N) of the contact force that poses (n, 3, 3) leave alone, of noise `std` (n, 6) or (6,)."""
     J = wrench_jacobian(fit.tool, R_base_flange, fit.names) / std[..., None]
     alone = inverse_of(np.sum(J.transpose(0, 2, 1) @ J, axis=0))
     return largest_force_std(replace(fit, covariance=alone, gain_covariance=None))

@@ -68,10 +68,11 @@ def orientation_errors(
 
 def with_gain_beside(problem: Problem, table: Table) -> Table:
     """The settled table with the members in which a gain is beside another cause, where one is likelier than none."""
-    kinds, chances = table.kinds, np.exp(table.members.log_evidence - table.log_evidence)
+    m = table.members
+    steady = np.exp(m.log_evidence[table.kernels.drift[m.kernel] == 0] - table.log_evidence).sum()
     gain = next((drift for drift in table.kernels.drifts if drift.kind is Kind.GAIN), None)
     few = FEWEST_POSES if problem.question.earlier is None else FEWEST_OF_KNOWN_TOOL
-    if table.kept.sum() < few or gain is None or chances[np.equal(kinds, None)].sum() > 0.5:  # type: ignore[call-overload]
+    if table.kept.sum() < few or gain is None or steady > 0.5:
         return table
     if not (pairs := list(_pairs(problem, table, gain))):
         return table
@@ -150,7 +151,7 @@ def _slopes(problem: Problem, table: Table, member: int) -> Array:
     m, kept, q = table.members, table.kept, len(problem.names)
     drift, strength = table.kernel_of(member)
     r, variance = gravity_in_flange(problem.R_base_flange[kept], problem.question.gravity_direction), m.variance[member]
-    strength *= drift.gain / drift.at if drift.gain else 1.0
+    strength *= drift.gain or 1.0
     D = np.zeros((int(kept.sum()), 6, q + 18))
     D[:, :, :q] = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)
     for axis in range(6):

@@ -71,11 +71,9 @@ SURELY = "? Weigh the tool; contactwrench diagnose lists other units and signs; 
 NOISIER = 1.5
 """By so much, as a factor, what is left of two tools on one sensor may differ."""
 
-OF_TOOL_SENSOR_AND_BASE = (
-    *(Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE, Kind.CREEP, Kind.CONTRADICTS_MODEL),
-    *(Kind.CROSS_TALK, Kind.UNEQUAL_NOISE),
-)
-OF_EARLIER = "; so the earlier calibration"
+OF_TOOL, OF_SENSOR = (Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE), (Kind.CREEP, Kind.CROSS_TALK, Kind.UNEQUAL_NOISE)
+INHERITED, OF_EARLIER = {*OF_TOOL, *OF_SENSOR, Kind.CONTRADICTS_MODEL}, "; so the earlier calibration"
+"""What a new zero takes over with the tool, and how the text of that ends."""
 
 LIGHTEST_TOOL = 0.5
 """N: few tools weigh less, and what a controller leaves of one whose payload it subtracts mostly does."""
@@ -172,7 +170,7 @@ def on_one_sensor(calibrations: Sequence[Calibration]) -> tuple[Calibration, ...
 
 def inherited(prior: Calibration | None) -> tuple[Finding, ...]:
     """What is odd of an earlier calibration, and so of one that takes its tool and base as known."""
-    odd = () if prior is None else (each for each in prior.findings if each.kind in OF_TOOL_SENSOR_AND_BASE)
+    odd = () if prior is None else (each for each in prior.findings if each.kind in INHERITED)
     return tuple(replace(each, text=each.text.removesuffix(OF_EARLIER) + OF_EARLIER) for each in odd)
 
 

@@ -1,7 +1,8 @@
 """The posterior over sets of poses that belong: the tables of those that may, the likeliest first.
 
-The search starts from clean subsets (outliers.py) and from all poses, and goes on pose by pose; last it looks for poses
-on one of two levels, beside those left out. What it looked at and comes near the likeliest stays in the mean.
+The search starts from clean subsets (outliers.py) and from all poses, and goes on pose by pose; then it looks for poses
+on one of two levels, beside those left out, and last for two causes at once. What it looked at and comes near the
+likeliest stays in the mean.
 """
 
 from __future__ import annotations
@@ -57,7 +58,9 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     def tried(kept: NDArray[np.bool_], start: Table, among: NDArray[np.intp] | None = None) -> Table:
         key = kept.tobytes()
         if key not in tables:
-            tables[key] = settled(problem, start.tool, kept, hypotheses, among, start)
+            of_all_tables = start.members.kernel < len(problem.kernels.drift)
+            nearby = replace(start, members=start.members.select(of_all_tables))
+            tables[key] = settled(problem, start.tool, kept, hypotheses, among, nearby)
         return tables[key]
 
     clean, on_a_level = _clean_poses(problem, best)
@@ -81,8 +84,10 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
                 break
             tables[better.kept.tobytes()] = now = _looked_at_anew(problem, better, near)
             near = np.union1d(near, near_kernels([now]))
-    tables |= _leveled(problem, tables, on_a_level, lambda kept, start: tried(kept, start, near), nearby)
-    tables |= _with_pairs(problem, tables, lambda kept, start: tried(kept, start, near), nearby)
+    by_near, of_all = partial(tried, among=near), everything.tobytes()
+    tables |= _grown(*_leveled(problem, tables, on_a_level), by_near, nearby)
+    likeliest = max(tables.values(), key=lambda table: table.log_evidence)
+    tables |= _grown([likeliest, tables[of_all]], partial(with_gain_beside, problem), by_near, nearby)
     first, *others = sorted(tables.values(), key=lambda table: -table.log_evidence)
     others = [table for table in others if table.log_evidence > first.log_evidence - FAR]
     own_kernels = [(replace(problem, kernels=table.kernels), table) for table in others]
@@ -90,47 +95,37 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
 
 
 def _leveled(
-    problem: Problem,
-    tables: dict[bytes, Table],
-    on_a_level: NDArray[np.bool_],
-    tried: Callable[[NDArray[np.bool_], Table], Table],
-    nearby: Callable[[Table], list[NDArray[np.bool_]]],
-) -> dict[bytes, Table]:
-    """Tables by the poses that they keep, in which some of these may be `on_a_level` of their own or on a side of what
-    was found: that of all poses, and those with poses left out beside them.
+    problem: Problem, tables: dict[bytes, Table], on_a_level: NDArray[np.bool_]
+) -> tuple[list[Table], Callable[[Table], Table]]:
+    """The tables to begin with, that of all poses and the likeliest, and what makes of a table one in which some poses
+    may be `on_a_level` of their own, or on a side of what was found.
     """
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
     of_all = tables[np.ones(len(problem.wrench), dtype=bool).tobytes()]
     proposed = [on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS])]
     proposed += [side for table in (found[0], of_all) for side in _two_sides(problem, table)]
-    anew, leveled = [of_all], dict[bytes, Table]()
+    anew = [of_all]
     if not found[0].kept.all():
         proposed.append(_clean_poses(problem, found[0], found[0].kept)[1])
         anew.append(found[0])
-    while anew:
-        leveled |= {table.kept.tobytes(): _with_levels(problem, table, proposed) for table in anew}
-        now = max(leveled.values(), key=lambda table: table.log_evidence)
-        anew = [tried(kept, tables[now.kept.tobytes()]) for kept in nearby(now) if kept.tobytes() not in leveled]
-    return leveled
+    return anew, partial(_with_levels, problem, proposed=proposed)
 
 
-def _with_pairs(
-    problem: Problem,
-    tables: dict[bytes, Table],
+def _grown(
+    anew: list[Table],
+    grow: Callable[[Table], Table],
     tried: Callable[[NDArray[np.bool_], Table], Table],
     nearby: Callable[[Table], list[NDArray[np.bool_]]],
 ) -> dict[bytes, Table]:
-    """Tables by the poses that they keep, in which a gain may be beside another cause: the likeliest, that of all poses
-    and those nearby, as either cause alone makes good poses look bad and bad ones good.
+    """Tables by the poses that they keep, each with the members that `grow` adds: those `anew`, and, as long as there
+    are others, those nearby of the likeliest, for what is found there makes other poses look good or bad.
     """
-    first = max(tables.values(), key=lambda table: table.log_evidence)
-    anew, paired = [first, tables[np.ones(len(problem.wrench), dtype=bool).tobytes()]], dict[bytes, Table]()
+    grown = dict[bytes, Table]()
     while anew:
-        paired |= {table.kept.tobytes(): with_gain_beside(problem, table) for table in anew}
-        now = max(paired.values(), key=lambda table: table.log_evidence)
-        pairs = len(now.kernels.drift) > len(tables.get(now.kept.tobytes(), now).kernels.drift)
-        anew = [tried(kept, now) for kept in nearby(now) if pairs and kept.tobytes() not in paired]
-    return paired
+        grown |= {table.kept.tobytes(): grow(table) for table in anew}
+        now = max(grown.values(), key=lambda table: table.log_evidence)
+        anew = [tried(kept, now) for kept in nearby(now) if kept.tobytes() not in grown]
+    return grown
 
 
 def _looked_at_anew(problem: Problem, table: Table, near: NDArray[np.intp]) -> Table:

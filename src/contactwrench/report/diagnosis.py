@@ -39,8 +39,8 @@ def verdict(diagnosis: Diagnosis) -> str:
         doubt = doubt if best.explained else f", still {_share(best)}"
         return f"{as_given}; {better}{doubt}"
     of_weight = "" if best.explained else f", {_share(best)}"
-    if best.off is not None:
-        of_weight += f", {two_digits(best.force_without)} N without pose {best.off}, which may be in contact"
+    if best.pose_off is not None:
+        of_weight += f", {two_digits(best.force_without)} N without pose {best.pose_off}, which may be in contact"
     as_given += of_weight
     if not best.explained:
         return f"{as_given}; no other interpretation explains it better, and none explains it well"
