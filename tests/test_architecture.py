@@ -28,7 +28,7 @@ from tests.support.house import (
 PACKAGE = Path(cw.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-MOST_FILES, MOST_LINES = 268, 47_363
+MOST_FILES, MOST_LINES = 268, 47_365
 """A ratchet: lowered when the package shrinks, raised with the reason in the message of the commit that does it."""
 MOST_AT_ROOT, MOST_FOLDERS = 8, 13
 MOST_LINES_OF_FILE = 300

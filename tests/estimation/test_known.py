@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.calibration.findings import Kind
+from contactwrench.calibration.findings import Kind, Severity
 from contactwrench.errors import AmbiguityError, InputError
 from contactwrench.estimation.priors import (
     known_as,
@@ -272,6 +272,19 @@ def test_errors_that_were_there_before_do_not_average_out_over_new_zeros() -> No
         assert now.std["weight"] > 0.99 * first.std["weight"]
         off.append(np.append((now.bias - rig.bias) / now.std["bias"], (now.weight - rig.weight) / now.std["weight"]))  # type: ignore[operator]
     assert np.sqrt(np.mean(np.square(off), axis=0)).max() < 2.0
+
+
+@pytest.mark.parametrize(("weight", "push"), [(20.0, 0.0), (21.0, 0.0), (20.0, 5.0)])
+def test_in_four_poses_with_times_another_tool_or_a_push_is_no_bias_that_moves(weight: float, push: float) -> None:
+    for seed in range(5):
+        rig, R, rng = example(seed, poses=16)
+        rig = replace(rig, weight=20.0)
+        earlier = cw.calibrate(noisy(rig, R[:12], rng))
+        wrench = noisy_readings(replace(rig, weight=weight), R[12:], NOISE, rng)
+        wrench[3, 2] -= push
+        now = cw.calibrate(cw.Samples(wrench, R[12:], 20.0 * np.arange(4.0)), prior=earlier)
+        contradicts = [each.severity for each in now.findings if each.kind is Kind.CONTRADICTS_PRIOR]
+        assert contradicts == ([] if weight == 20.0 and push == 0.0 else [Severity.WEAK])
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -17,6 +17,7 @@ from .bias_drift import FEWEST_POSES, Drift, kernels_of, possible_drifts
 from .estimate import RigidEstimate
 from .hypotheses import WIDTHS, Hypothesis, hypotheses_of
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
+from .moved_bias import FEWEST_IF_MOVED
 from .noise import NoiseModel, PoseReadings, relative_variances
 from .orientation_errors import orientation_errors
 from .posterior import explored
@@ -100,7 +101,8 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
         start = start * max(float(np.mean(spread**2)), 1e-20)
     anew = not plain and question.earlier is None
     drifts, log_prior = list[Drift](), list[float]()
-    if anew or (not plain and readings.in_order == 1.0):  # else another tool than the earlier one would pass for it
+    of_known_tool = not plain and readings.in_order == 1.0 and n >= FEWEST_IF_MOVED  # else another one would pass
+    if anew or of_known_tool:
         drifts, log_prior = possible_drifts(readings.time, readings.in_order)
     turns = anew and n > FEWEST_POSES and question.noise is None
     errs = question.earlier is None or question.earlier.gain_covariance is not None

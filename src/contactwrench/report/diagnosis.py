@@ -70,7 +70,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         left = f"{two_digits(fit.force_left):>8}  {two_digits(1e3 * fit.torque_left):>9}"
         numbers = f"  {left}  {fit.weight:8.3g}  {_in_mm(fit.com):>22}"
         lines += _beside(numbers, ("as given" if fit is d.given else _label(fit.interpretation)) + leans)
-    if not d.best.explained:
+    if not d.best.explained and d.best.pose_off is None:
         lines += ["", LIKELY_CAUSES]
     if d.likely:
         lines += ["", "Free air cannot tell these from the first:"]
